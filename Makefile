@@ -1,0 +1,142 @@
+# `make help` lists the targets; `make` alone builds the examples.
+# A C compiler, GNU make and a POSIX shell suffice for the library and its examples; `make test` and `make demo` install
+# what else they need (see .ci/need).
+
+.DEFAULT_GOAL := examples
+ifeq ($(origin CC),default)
+CC := gcc
+endif
+JOBS ?= 2
+MAKEFLAGS += --no-builtin-rules
+export CC JOBS
+
+PRODUCTS := $(wildcard dgfem.h dgfem_shell.h dgfem_mvc.h)
+TESTS := $(patsubst tests/%.c,%,$(wildcard tests/test_*.c))
+EXAMPLES := $(patsubst examples/%.c,build/examples/%,$(wildcard examples/*.c))
+BENCHES := $(patsubst bench/%.c,build/bench/%,$(wildcard bench/bench_*.c))
+COMMON := $(wildcard examples/common/*.h examples/common/*.c)
+
+WARNINGS := -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wdouble-promotion -Werror
+POSIX := -D_POSIX_C_SOURCE=200809L
+INCLUDES := -I. -Iexamples/common -Itests
+CFLAGS ?= -O3
+# Full debug information, and address checks expanded in line, would take several times as long to compile.
+TEST_FLAGS := -O1 -g1
+SANITIZE := -fsanitize=address,undefined -fno-sanitize-recover=all --param asan-instrumentation-with-call-threshold=0
+BENCH_FLAGS := -O3 -march=native
+
+.PHONY: help headers demo test check-long bench examples pictures format clean build-tests build-long build-bench
+help: ## lists the targets
+	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
+
+# ---- headers --------------------------------------------------------------------------------------------------------
+
+# Degree of the generated moments.
+MOMENTS := 6
+export MOMENTS
+
+GENERATORS := build/gen/pack build/gen/moments_gen
+
+# Programs are built beside their place and moved there, so that none is ever seen half written.
+build/gen/%: src/gen/%.c
+	@mkdir -p $(@D)
+	@$(CC) -std=c99 $(POSIX) -O1 $(WARNINGS) -o $@.$$$$ $< && mv $@.$$$$ $@
+
+# DRAFTS=1 tolerates parts that no umbrella lists yet.
+headers: $(GENERATORS) ## rewrites the product headers from src/
+	@build/gen/moments_gen $(MOMENTS) > build/gen/moments.$$$$ && \
+	if cmp -s build/gen/moments.$$$$ src/dgfem/moments_generated.c; then rm build/gen/moments.$$$$; \
+	else mv build/gen/moments.$$$$ src/dgfem/moments_generated.c; fi
+	@build/gen/pack $(if $(DRAFTS),--drafts) src .
+
+# ---- examples and demo ----------------------------------------------------------------------------------------------
+
+examples: $(EXAMPLES) ## builds the examples into build/examples/
+
+build/examples/%: examples/%.c $(PRODUCTS) $(COMMON)
+	@mkdir -p $(@D)
+	$(CC) -std=c99 $(POSIX) $(CFLAGS) $(WARNINGS) $(INCLUDES) -o $@.$$$$ $< \
+	$(filter examples/common/%.c,$^) -lm && mv $@.$$$$ $@
+
+# The bunny comes as a JavaScript module from npm; without it the demo uses a shape of its own.
+build/bunny.obj:
+	@mkdir -p build/npm
+	@cd build/npm && if npm pack --fetch-retries=1 --fetch-timeout=20000 bunny@1.0.1 > log 2>&1 && \
+	tar xzf bunny-1.0.1.tgz && awk -f ../../examples/common/bunny.awk package/index.js > bunny.$$$$; \
+	then mv bunny.$$$$ ../bunny.obj; \
+	else head -n 3 log; echo "make: npm's package \"bunny\" cannot be had: a built-in shape takes its place"; fi
+
+demo: ## drops a soft bunny down a slope: frames, a summary and a picture in build/demo/
+	@.ci/need --optional npm f3d xvfb xauth
+	@$(MAKE) --no-print-directory build/bunny.obj build/examples/bunny
+	@mkdir -p build/demo
+	build/examples/bunny $$(test -e build/bunny.obj && echo --model build/bunny.obj) --out build/demo
+	@sh examples/pictures.sh demo
+
+pictures: $(EXAMPLES) ## renders examples/pictures/*.png from the examples' output
+	@.ci/need npm f3d xvfb xauth
+	@$(MAKE) --no-print-directory build/bunny.obj
+	@sh examples/pictures.sh all
+
+# ---- tests ----------------------------------------------------------------------------------------------------------
+
+# `make test` runs every test in double as it is, and in float under the sanitizers without their dearest checks;
+# `make check-long` adds a build in double with all of them.
+TEST_KINDS := double float sanitize
+TEST_PROGRAMS := $(TESTS:%=build/tests/double/%) $(TESTS:%=build/tests/float/%)
+LONG_PROGRAMS := $(TEST_PROGRAMS) $(TESTS:%=build/tests/sanitize/%)
+CHECKS := headers packer matrix:gcc matrix:g++ matrix:clang matrix:clang++ symbols failing readme examples
+TEST_SOURCES := $(PRODUCTS) $(COMMON) $(wildcard tests/*.h)
+
+build/tests/double/%: KIND := -DDGFEM_REAL=double
+build/tests/float/%: KIND := -DDGFEM_REAL=float $(SANITIZE) -fno-sanitize=null,object-size,pointer-overflow,alignment
+build/tests/sanitize/%: KIND := -DDGFEM_REAL=double $(SANITIZE)
+
+define test_rule
+build/tests/$(1)/%: tests/%.c $(TEST_SOURCES)
+	@mkdir -p $$(@D)
+	@echo "building $$@"
+	@$(CC) -std=c99 $(POSIX) $(TEST_FLAGS) $$(KIND) $(WARNINGS) $(INCLUDES) -o $$@.$$$$$$$$ $$< \
+	-Wl,--as-needed -lcmocka -lgmp -lm && mv $$@.$$$$$$$$ $$@
+endef
+$(foreach kind,$(TEST_KINDS),$(eval $(call test_rule,$(kind))))
+
+build-tests: $(TEST_PROGRAMS)
+build-long: $(LONG_PROGRAMS)
+
+test: $(GENERATORS) ## runs all tests; ends with "N passed, N failed"
+	@.ci/need libcmocka-dev libgmp-dev
+	@.ci/need --optional g++
+	@sh tests/checks.sh headers > /dev/null || { sh tests/run.sh "sh tests/checks.sh headers"; exit 1; }
+	@$(MAKE) --no-print-directory -k -j$(JOBS) build-tests examples build-bench || \
+	echo "make: something does not compile"
+	@sh tests/run.sh $(foreach check,$(CHECKS),"sh tests/checks.sh $(subst :, ,$(check))") $(TEST_PROGRAMS)
+
+# Tests read DGFEM_LONG.
+check-long: ## the long campaigns of the tests, with all sanitizers, and all tests under valgrind
+	@.ci/need libcmocka-dev libgmp-dev valgrind
+	@$(MAKE) --no-print-directory -j$(JOBS) build-long
+	@DGFEM_LONG=1 SECONDS_EACH=7200 sh tests/run.sh $(LONG_PROGRAMS)
+	@RUNNER="valgrind -q --error-exitcode=99 --leak-check=full" SECONDS_EACH=7200 \
+	sh tests/run.sh $(TESTS:%=build/tests/double/%)
+
+# ---- benchmarks -----------------------------------------------------------------------------------------------------
+
+build/bench/%: bench/%.c $(PRODUCTS) $(COMMON) $(wildcard bench/*.h)
+	@mkdir -p $(@D)
+	@$(CC) -std=c99 $(POSIX) $(BENCH_FLAGS) $(WARNINGS) $(INCLUDES) -Ibench -o $@.$$$$ $< -lm && mv $@.$$$$ $@
+
+build-bench: $(BENCHES)
+
+bench: $(BENCHES) ## builds and runs the benchmarks
+	@for program in $(BENCHES); do echo "-- $$program"; $$program || exit 1; done
+
+# ---- the rest -------------------------------------------------------------------------------------------------------
+
+format: ## clang-format on everything written by hand
+	@.ci/need clang-format
+	clang-format -i $(filter-out %_generated.c,$(wildcard src/*/*.c src/*/*.h tests/*.c tests/*.h examples/*.c \
+	examples/common/*.[ch] bench/*.c bench/*.h))
+
+clean: ## removes build/
+	rm -rf build

@@ -1,0 +1,613 @@
+#pragma once
+#include "basis.c"
+#include "mesh.c"
+/* The integrals behind the weak form, from moments alone, in the unrotated material. They are kept in the smallest form
+   from which the rotated 3x3 blocks of warp.c follow:
+
+     element   M_ij = int N_i N_j,   G_ij = int grad N_i grad N_j^T (3x3),   l_i = int N_i
+     face      J = [N_a, -N_b] over the functions of both sides; for a held face side b is a ghost that carries the
+               prescribed displacement as a polynomial about the face's centre
+               P_ij  = int P[J_i] P[J_j]          the stiffly penalised part of the jump
+               Q_ij  = int J_i J_j - P_ij         the rest
+               q^s_ij = int J_i grad N^s_j        (vector) for both sides s: all that a traction needs, because
+               traction_j(a,b) = lambda n_a q_b + mu q_a n_b + mu (n.q) delta_ab
+
+   Functions of degree zero have no gradient, so j >= 1 in G and q. */
+
+enum { DGFEM_CHUNK_SIZES = 32 }; /* 3 of elements, 9 of glued faces, 3 of held faces, each with or without tractions */
+
+typedef struct dgfemi_chunks {
+    size_t *data;
+    int count, capacity;
+} dgfemi_chunks;
+
+/* The integrals live in chunks of one pool. Chunks have few sizes (one per degree, one per pair of degrees), so a freed
+   chunk waits for the next of its size. */
+typedef struct dgfemi_chunk_bin {
+    size_t size;
+    dgfemi_chunks free; /* offsets */
+} dgfemi_chunk_bin;
+
+typedef struct dgfemi_element_form {
+    int count;   /* basis functions */
+    size_t data; /* chunk: mass [count^2], load [count], stiffness [(count - 1)^2] 3x3 matrices, row-major */
+} dgfemi_element_form;
+
+typedef struct dgfemi_face_form {
+    int face;
+    int element[2];        /* element[1] is DGFEM_NONE on a held face */
+    int count[2];          /* functions of each side; count[1] of the ghost on a held face */
+    size_t data;           /* chunk: P, Q [(count[0] + count[1])^2] each, q^0, q^1 [(count[0] + count[1]) * (count[s] - 1)]
+                              vectors where there are tractions, ghost [count[1]] vectors on a held face */
+    dgfem_real eta_stiff;  /* eta0 p^2 g_f */
+    dgfem_real eta_rest;   /* eta_r p^2 g_f */
+    dgfem_real weight;     /* of the average: 1/2, on a held face 1 */
+    int consistent;        /* 1: IP, 0: BZ, whose forms have no tractions */
+    int normal_only;       /* held face: 1: only the component along the rest normal is held */
+    int condition;         /* held face: id of the condition that holds it, else DGFEM_NONE */
+} dgfemi_face_form;
+
+struct dgfem_forms {
+    dgfemi_element_form *elements;
+    dgfemi_face_form *faces;
+    int face_count, face_capacity;
+    dgfem_real *data;
+    size_t data_count, data_capacity;
+    dgfemi_chunk_bin bins[DGFEM_CHUNK_SIZES];
+    int bin_count;
+};
+
+static dgfem_real dgfemi_mu(const dgfem_material *m) { return m->young / (2 * (1 + m->poisson)); }
+static dgfem_real dgfemi_lambda(const dgfem_material *m) {
+    return m->young * m->poisson / ((1 + m->poisson) * (1 - 2 * m->poisson));
+}
+
+/* ---- where things are in a chunk ---- */
+
+static size_t dgfemi_element_form_size(int count) {
+    size_t n = (size_t)count;
+    return n * n + n + 9 * (n - 1) * (n - 1);
+}
+static dgfem_real *dgfemi_form_mass(const dgfem_forms *forms, int element) {
+    return forms->data + forms->elements[element].data;
+}
+static dgfem_real *dgfemi_form_load(const dgfem_forms *forms, int element) {
+    size_t n = (size_t)forms->elements[element].count;
+    return dgfemi_form_mass(forms, element) + n * n;
+}
+static dgfem_real *dgfemi_form_stiffness(const dgfem_forms *forms, int element) {
+    return dgfemi_form_load(forms, element) + forms->elements[element].count;
+}
+
+static size_t dgfemi_form_sides(const dgfemi_face_form *form) { return (size_t)(form->count[0] + form->count[1]); }
+static int dgfemi_form_has_traction(const dgfemi_face_form *form, int side) {
+    return form->consistent && form->element[side] != DGFEM_NONE;
+}
+static size_t dgfemi_form_traction_size(const dgfemi_face_form *form, int side) {
+    return dgfemi_form_has_traction(form, side) ? 3 * dgfemi_form_sides(form) * (size_t)(form->count[side] - 1) : 0;
+}
+static size_t dgfemi_face_form_size(const dgfemi_face_form *form) {
+    size_t sides = dgfemi_form_sides(form);
+    return 2 * sides * sides + dgfemi_form_traction_size(form, 0) + dgfemi_form_traction_size(form, 1) +
+           (form->element[1] == DGFEM_NONE ? 3 * (size_t)form->count[1] : 0);
+}
+static dgfem_real *dgfemi_form_stiff(const dgfem_forms *forms, const dgfemi_face_form *form) {
+    return forms->data + form->data;
+}
+static dgfem_real *dgfemi_form_rest(const dgfem_forms *forms, const dgfemi_face_form *form) {
+    return dgfemi_form_stiff(forms, form) + dgfemi_form_sides(form) * dgfemi_form_sides(form);
+}
+static dgfem_vec3 *dgfemi_form_traction(const dgfem_forms *forms, const dgfemi_face_form *form, int side) {
+    dgfem_real *first = dgfemi_form_rest(forms, form) + dgfemi_form_sides(form) * dgfemi_form_sides(form);
+    return (dgfem_vec3 *)(void *)(first + (side ? dgfemi_form_traction_size(form, 0) : 0));
+}
+static dgfem_vec3 *dgfemi_form_ghost(const dgfem_forms *forms, const dgfemi_face_form *form) {
+    return dgfemi_form_traction(forms, form, 0) + dgfemi_form_traction_size(form, 0) / 3;
+}
+
+/* ---- the pool ---- */
+
+static dgfemi_chunk_bin *dgfemi_forms_bin(dgfem_forms *forms, size_t size) {
+    for (int i = 0; i < forms->bin_count; i++)
+        if (forms->bins[i].size == size) return &forms->bins[i];
+    DGFEM_ASSERT(forms->bin_count < DGFEM_CHUNK_SIZES);
+    forms->bins[forms->bin_count].size = size;
+    return &forms->bins[forms->bin_count++];
+}
+
+/* A chunk of `size` numbers; its offset goes to *offset. 0 when out of memory. */
+static int dgfemi_forms_take(dgfem_forms *forms, const dgfem_hooks *hooks, size_t size, size_t *offset) {
+    dgfemi_chunk_bin *bin = dgfemi_forms_bin(forms, size);
+    if (bin->free.count > 0) {
+        *offset = bin->free.data[--bin->free.count];
+        return 1;
+    }
+    if (forms->data_capacity - forms->data_count < size) {
+        size_t wanted = forms->data_capacity + forms->data_capacity / 2;
+        if (wanted < forms->data_count + size) wanted = forms->data_count + size;
+        dgfem_real *grown = (dgfem_real *)dgfemi_reallocate(hooks, forms->data, wanted, sizeof(dgfem_real));
+        if (!grown) return 0;
+        forms->data = grown;
+        forms->data_capacity = wanted;
+    }
+    *offset = forms->data_count;
+    forms->data_count += size;
+    return 1;
+}
+
+/* Gives a chunk back. Where the list of free ones cannot grow the chunk is lost until the forms are destroyed. */
+static void dgfemi_forms_give(dgfem_forms *forms, const dgfem_hooks *hooks, size_t size, size_t offset) {
+    dgfemi_chunks *chunks = &dgfemi_forms_bin(forms, size)->free;
+    if (chunks->count == chunks->capacity) {
+        void *grown = dgfemi_grow(hooks, chunks->data, &chunks->capacity, chunks->count + 1, sizeof(size_t));
+        if (!grown) return;
+        chunks->data = (size_t *)grown;
+    }
+    chunks->data[chunks->count++] = offset;
+}
+
+static void dgfemi_forms_destroy(dgfem_forms *forms, const dgfem_hooks *hooks) {
+    if (!forms) return;
+    for (int i = 0; i < forms->bin_count; i++) dgfemi_free(hooks, forms->bins[i].free.data);
+    dgfemi_free(hooks, forms->elements);
+    dgfemi_free(hooks, forms->faces);
+    dgfemi_free(hooks, forms->data);
+    dgfemi_free(hooks, forms);
+}
+
+/* ---- moments ---- */
+
+#define DGFEM_MAX_MOMENTS 84 /* dgfem_monomial_count(DGFEM_MAX_MOMENT_DEGREE) */
+
+static void dgfemi_moments_loops(const dgfem_mesh *mesh, const dgfem_face *face, int reverse, dgfemi_moments *moments) {
+    for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++)
+        dgfemi_moments_loop(moments, mesh->vertices, mesh->loop_vertices + mesh->loops[l].start, mesh->loops[l].count,
+                            reverse);
+}
+
+/* out[i] = integral of monomial i of (x - centre)/scale over the element. */
+static void dgfemi_element_moments(const dgfem_mesh *mesh, int element, int degree, dgfem_vec3 centre,
+                                   dgfem_real scale, dgfem_real *out) {
+    const dgfem_element *e = &mesh->elements[element];
+    dgfemi_moments moments;
+    dgfemi_moments_begin_volume(&moments, degree, centre, scale);
+    for (int k = 0; k < e->face_count; k++) {
+        int face = mesh->element_faces[e->face_start + k];
+        dgfemi_moments_loops(mesh, &mesh->faces[face], dgfemi_mesh_sign(mesh, element, face) < 0, &moments);
+    }
+    dgfemi_moments_end(&moments, out);
+}
+
+/* The same over a face. */
+static void dgfemi_mesh_face_moments(const dgfem_mesh *mesh, int face, int degree, dgfem_vec3 centre, dgfem_real scale,
+                                     dgfem_real *out) {
+    dgfemi_moments moments;
+    dgfemi_moments_begin_face(&moments, degree, centre, scale, mesh->faces[face].normal);
+    dgfemi_moments_loops(mesh, &mesh->faces[face], 0, &moments);
+    dgfemi_moments_end(&moments, out);
+}
+
+/* ---- elements ---- */
+
+/* G_ij[a][b] = int d_a N_i d_b N_j: the product of two derivatives is again one monomial, so each entry is one moment. */
+static void dgfemi_element_stiffness(int count, dgfem_real scale, const dgfem_real *moments, dgfem_real *out) {
+    dgfem_real inverse = 1 / (scale * scale);
+    for (int i = 1; i < count; i++)
+        for (int j = 1; j < count; j++)
+            for (int a = 0; a < 3; a++)
+                for (int b = 0; b < 3; b++, out++) {
+                    int di = dgfemi_derivative_index(i, a), dj = dgfemi_derivative_index(j, b);
+                    *out = 0;
+                    if (di == DGFEM_NONE || dj == DGFEM_NONE) continue;
+                    dgfem_real factor = (dgfem_real)(dgfemi_exponents[i][a] * dgfemi_exponents[j][b]) * inverse;
+                    *out = factor * moments[dgfemi_product_index(di, dj)];
+                }
+}
+
+/* The integrals of one element. 0 when out of memory. */
+static int dgfemi_forms_set_element(const dgfem_body *body, dgfem_forms *forms, int element) {
+    dgfemi_element_form *form = &forms->elements[element];
+    int degree = body->degree[element], n = dgfem_monomial_count(degree);
+    dgfem_real moments[DGFEM_MAX_MOMENTS];
+    form->count = n;
+    if (!dgfemi_forms_take(forms, &body->hooks, dgfemi_element_form_size(n), &form->data)) return 0;
+    dgfemi_element_moments(body->mesh, element, 2 * degree, body->origin[element], body->scale[element], moments);
+    dgfem_real *mass = dgfemi_form_mass(forms, element);
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++) mass[i * n + j] = moments[dgfemi_product_index(i, j)];
+    memcpy(dgfemi_form_load(forms, element), moments, (size_t)n * sizeof(dgfem_real));
+    dgfemi_element_stiffness(n, body->scale[element], moments, dgfemi_form_stiffness(forms, element));
+    return 1;
+}
+
+/* ---- faces ---- */
+
+/* Total area of the element's faces in the plane of `face` with the same outward normal. The penalty is scaled by this
+   patch, not by the face, so that dividing a face changes nothing. */
+static dgfem_real dgfemi_patch_area(const dgfem_mesh *mesh, int element, int face) {
+    const dgfem_real tolerance = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-6);
+    const dgfem_element *e = &mesh->elements[element];
+    const dgfem_face *f = &mesh->faces[face];
+    dgfem_real area = 0, sign = (dgfem_real)dgfemi_mesh_sign(mesh, element, face);
+    for (int k = 0; k < e->face_count; k++) {
+        int other = mesh->element_faces[e->face_start + k];
+        const dgfem_face *g = &mesh->faces[other];
+        dgfem_real same = sign * (dgfem_real)dgfemi_mesh_sign(mesh, element, other);
+        if (other != face) {
+            if (!(same * dgfemi_dot(f->normal, g->normal) > 1 - tolerance)) continue;
+            if (dgfemi_abs(dgfemi_dot(f->normal, dgfemi_sub(g->centre, f->centre))) > tolerance * e->radius) continue;
+        }
+        area += g->area;
+    }
+    return area;
+}
+
+/* Everything about one face in monomials about its own centre, while its integrals are computed. */
+typedef struct dgfemi_face_frame {
+    int degree;                 /* the larger of both sides */
+    int count;                  /* monomials up to degree */
+    dgfem_vec3 centre;
+    dgfem_real scale;
+    dgfem_vec3 axis[2];         /* in-plane principal axes, divided by the scaled radius of gyration along each */
+    dgfem_real moments[DGFEM_MAX_MOMENTS]; /* scaled, up to 2 * degree */
+    int sides;                  /* functions of both sides */
+    dgfem_real jump[2 * DGFEM_MAX_BASIS][DGFEM_MAX_BASIS];      /* J_i in face monomials */
+    dgfem_real jump_gram[2 * DGFEM_MAX_BASIS][DGFEM_MAX_BASIS]; /* int J_i m_k */
+} dgfemi_face_frame;
+
+static dgfem_real dgfemi_face_radius(const dgfem_mesh *mesh, const dgfem_face *face) {
+    dgfem_real largest = 0;
+    for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++)
+        for (int k = 0; k < mesh->loops[l].count; k++) {
+            dgfem_vec3 p = mesh->vertices[mesh->loop_vertices[mesh->loops[l].start + k]];
+            largest = dgfemi_max(largest, dgfemi_distance(p, face->centre));
+        }
+    return largest;
+}
+
+/* The face's axes of inertia and extents make the projection's basis well conditioned on thin faces. */
+static void dgfemi_face_axes(dgfemi_face_frame *frame, dgfem_vec3 normal) {
+    const dgfem_real *m = frame->moments;
+    dgfem_mat3 inertia, vectors;
+    dgfem_real values[3], area = m[0];
+    inertia.m[0][0] = m[4], inertia.m[1][1] = m[7], inertia.m[2][2] = m[9];
+    inertia.m[0][1] = inertia.m[1][0] = m[5];
+    inertia.m[0][2] = inertia.m[2][0] = m[6];
+    inertia.m[1][2] = inertia.m[2][1] = m[8];
+    dgfem_eigen_symmetric(inertia, values, &vectors);
+    frame->axis[0] = dgfemi_column(&vectors, 2);
+    frame->axis[0] = dgfemi_normalized(dgfemi_add_scaled(frame->axis[0], -dgfemi_dot(frame->axis[0], normal), normal));
+    frame->axis[1] = dgfemi_cross(normal, frame->axis[0]);
+    for (int k = 0; k < 2; k++) {
+        dgfem_real gyration = dgfemi_sqrt(dgfemi_max(values[2 - k], 0) / area);
+        if (gyration > DGFEM_EPSILON) frame->axis[k] = dgfemi_scale(1 / gyration, frame->axis[k]);
+    }
+}
+
+static void dgfemi_face_side(dgfemi_face_frame *frame, int first, int degree, dgfem_vec3 origin, dgfem_real scale,
+                             dgfem_real sign) {
+    dgfem_real shift[DGFEM_MAX_BASIS * DGFEM_MAX_BASIS];
+    int n = dgfem_monomial_count(degree);
+    dgfemi_basis_shift(degree, origin, scale, frame->centre, frame->scale, shift);
+    for (int i = 0; i < n; i++)
+        for (int k = 0; k < frame->count; k++) frame->jump[first + i][k] = k < n ? sign * shift[i * n + k] : 0;
+}
+
+static void dgfemi_face_frame_set(const dgfem_body *body, const dgfemi_face_form *form, dgfemi_face_frame *frame) {
+    const dgfem_face *face = &body->mesh->faces[form->face];
+    int a = form->element[0], b = form->element[1];
+    frame->degree = body->degree[a];
+    if (b != DGFEM_NONE && body->degree[b] > frame->degree) frame->degree = body->degree[b];
+    frame->count = dgfem_monomial_count(frame->degree);
+    frame->sides = form->count[0] + form->count[1];
+    frame->centre = face->centre;
+    frame->scale = dgfemi_face_radius(body->mesh, face);
+    dgfemi_mesh_face_moments(body->mesh, form->face, 2 * frame->degree, frame->centre, frame->scale, frame->moments);
+    dgfemi_face_axes(frame, face->normal);
+    dgfemi_face_side(frame, 0, body->degree[a], body->origin[a], body->scale[a], 1);
+    if (b != DGFEM_NONE) dgfemi_face_side(frame, form->count[0], body->degree[b], body->origin[b], body->scale[b], -1);
+    else dgfemi_face_side(frame, form->count[0], frame->degree, frame->centre, frame->scale, -1);
+    for (int i = 0; i < frame->sides; i++)
+        for (int k = 0; k < frame->count; k++) {
+            dgfem_real sum = 0;
+            for (int l = 0; l < frame->count; l++)
+                sum += frame->jump[i][l] * frame->moments[dgfemi_product_index(k, l)];
+            frame->jump_gram[i][k] = sum;
+        }
+}
+
+/* int J_i J_j */
+static void dgfemi_face_jump_products(const dgfemi_face_frame *frame, dgfem_real *out) {
+    for (int i = 0; i < frame->sides; i++)
+        for (int j = 0; j < frame->sides; j++) {
+            dgfem_real sum = 0;
+            for (int k = 0; k < frame->count; k++) sum += frame->jump_gram[i][k] * frame->jump[j][k];
+            out[i * frame->sides + j] = sum;
+        }
+}
+
+/* The in-plane monomials (axis0 . x)^i (axis1 . x)^j, i + j <= degree - 1, in face monomials; returns their number. */
+static int dgfemi_face_projection_basis(const dgfemi_face_frame *frame, dgfem_real basis[6][DGFEM_MAX_BASIS]) {
+    dgfem_real linear[2][3];
+    memset(basis, 0, 6 * sizeof basis[0]);
+    basis[0][0] = 1;
+    if (frame->degree == 1) return 1;
+    for (int k = 0; k < 2; k++) {
+        linear[k][0] = frame->axis[k].x, linear[k][1] = frame->axis[k].y, linear[k][2] = frame->axis[k].z;
+        for (int a = 0; a < 3; a++) basis[1 + k][1 + a] = linear[k][a];
+    }
+    if (frame->degree == 2) return 3;
+    for (int pair = 0; pair < 3; pair++) {
+        const dgfem_real *u = linear[pair == 2], *v = linear[pair != 0];
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++) basis[3 + pair][dgfemi_product_index(1 + a, 1 + b)] += u[a] * v[b];
+    }
+    return 6;
+}
+
+/* P_ij = R^T Gm^-1 R with R = int b J, Gm = int b b^T. Functions that a thin face cannot tell apart are dropped. */
+static void dgfemi_face_projection(const dgfemi_face_frame *frame, dgfem_real *out) {
+    dgfem_real basis[6][DGFEM_MAX_BASIS], r[6][2 * DGFEM_MAX_BASIS], gram[6][6];
+    int count = dgfemi_face_projection_basis(frame, basis), sides = frame->sides;
+    for (int m = 0; m < count; m++) {
+        for (int i = 0; i < sides; i++) {
+            r[m][i] = 0;
+            for (int k = 0; k < frame->count; k++) r[m][i] += basis[m][k] * frame->jump_gram[i][k];
+        }
+        for (int l = 0; l <= m; l++) {
+            gram[m][l] = 0;
+            for (int k = 0; k < frame->count; k++)
+                for (int j = 0; j < frame->count; j++) {
+                    if (basis[m][k] == 0 || basis[l][j] == 0) continue;
+                    gram[m][l] += basis[m][k] * basis[l][j] * frame->moments[dgfemi_product_index(k, j)];
+                }
+        }
+    }
+    memset(out, 0, (size_t)(sides * sides) * sizeof(dgfem_real));
+    for (int m = 0; m < count; m++) { /* Cholesky by rows, r becomes L^-1 R on the way */
+        dgfem_real norm = gram[m][m];
+        for (int l = 0; l < m; l++) {
+            for (int k = 0; k < l; k++) gram[m][l] -= gram[m][k] * gram[l][k];
+            gram[m][l] = gram[l][l] > 0 ? gram[m][l] / gram[l][l] : 0;
+            gram[m][m] -= gram[m][l] * gram[m][l];
+        }
+        if (!(gram[m][m] > 1000 * DGFEM_EPSILON * norm)) {
+            gram[m][m] = 0;
+            continue;
+        }
+        gram[m][m] = dgfemi_sqrt(gram[m][m]);
+        for (int i = 0; i < sides; i++) {
+            for (int l = 0; l < m; l++)
+                if (gram[l][l] > 0) r[m][i] -= gram[m][l] * r[l][i];
+            r[m][i] /= gram[m][m];
+        }
+        for (int i = 0; i < sides; i++)
+            for (int j = 0; j < sides; j++) out[i * sides + j] += r[m][i] * r[m][j];
+    }
+}
+
+/* q_ij = int J_i grad N_j for the functions of one side that starts at `first` with `sign` in the jump. */
+static void dgfemi_face_tractions(const dgfemi_face_frame *frame, int first, int count, dgfem_real sign,
+                                  dgfem_vec3 *out) {
+    for (int i = 0; i < frame->sides; i++)
+        for (int j = 1; j < count; j++) {
+            dgfem_real q[3];
+            for (int axis = 0; axis < 3; axis++) {
+                q[axis] = 0;
+                for (int k = 1; k < frame->count; k++) {
+                    int lower = dgfemi_derivative_index(k, axis);
+                    if (lower == DGFEM_NONE) continue;
+                    q[axis] += (dgfem_real)dgfemi_exponents[k][axis] * frame->jump[first + j][k] *
+                               frame->jump_gram[i][lower];
+                }
+                q[axis] *= sign / frame->scale;
+            }
+            *out++ = dgfemi_vec3(q[0], q[1], q[2]);
+        }
+}
+
+/* g_f of the sheet: patch areas over volumes; 4 A/V on a held face, where the one side carries all. */
+static dgfem_real dgfemi_face_penalty(const dgfem_mesh *mesh, const dgfemi_face_form *form) {
+    const dgfem_real held = 4;
+    int a = form->element[0], b = form->element[1];
+    dgfem_real g = dgfemi_patch_area(mesh, a, form->face) / mesh->elements[a].volume;
+    if (b == DGFEM_NONE) return held * g;
+    return g + dgfemi_patch_area(mesh, b, form->face) / mesh->elements[b].volume;
+}
+
+/* Fills in the integrals of a face whose members face, element, consistent, normal_only and condition are set. 0 when
+   out of memory. */
+static int dgfemi_forms_set_face(const dgfem_body *body, dgfem_forms *forms, dgfemi_face_form *form) {
+    dgfemi_face_frame frame;
+    int a = form->element[0], b = form->element[1];
+    form->count[0] = dgfem_monomial_count(body->degree[a]);
+    form->count[1] = dgfem_monomial_count(body->degree[b == DGFEM_NONE ? a : b]);
+    if (!dgfemi_forms_take(forms, &body->hooks, dgfemi_face_form_size(form), &form->data)) return 0;
+    dgfemi_face_frame_set(body, form, &frame);
+    size_t square = dgfemi_form_sides(form) * dgfemi_form_sides(form);
+    dgfem_real *stiff = dgfemi_form_stiff(forms, form), *rest = dgfemi_form_rest(forms, form);
+    dgfemi_face_jump_products(&frame, rest);
+    if (body->desc.penalty == DGFEM_PENALTY_SPLIT) dgfemi_face_projection(&frame, stiff);
+    else memcpy(stiff, rest, square * sizeof *stiff);
+    for (size_t i = 0; i < square; i++) rest[i] -= stiff[i];
+    for (int s = 0; s < 2; s++)
+        if (dgfemi_form_has_traction(form, s))
+            dgfemi_face_tractions(&frame, s ? form->count[0] : 0, form->count[s], s ? DGFEM_R(-1) : DGFEM_R(1),
+                                  dgfemi_form_traction(forms, form, s));
+    if (b == DGFEM_NONE)
+        memset(dgfemi_form_ghost(forms, form), 0, (size_t)form->count[1] * sizeof(dgfem_vec3));
+    dgfem_real penalty = dgfemi_face_penalty(body->mesh, form) * (dgfem_real)(frame.degree * frame.degree);
+    form->eta_stiff = body->desc.eta * penalty;
+    form->eta_rest = body->desc.eta_rest * penalty;
+    form->weight = b == DGFEM_NONE ? 1 : DGFEM_R(0.5);
+    return 1;
+}
+
+/* A new face form, integrals included; its index, or DGFEM_NONE when out of memory. */
+static int dgfemi_forms_add_face(const dgfem_body *body, dgfem_forms *forms, int face, int condition,
+                                 int normal_only) {
+    const dgfem_face *f = &body->mesh->faces[face];
+    dgfemi_face_form form;
+    memset(&form, 0, sizeof form);
+    form.face = face;
+    form.element[0] = f->element[0], form.element[1] = f->element[1];
+    form.consistent = body->desc.flux == DGFEM_FLUX_IP;
+    form.normal_only = normal_only;
+    form.condition = condition;
+    if (forms->face_count == forms->face_capacity) {
+        void *grown = dgfemi_grow(&body->hooks, forms->faces, &forms->face_capacity, forms->face_count + 1,
+                                  sizeof *forms->faces);
+        if (!grown) return DGFEM_NONE;
+        forms->faces = (dgfemi_face_form *)grown;
+    }
+    if (!dgfemi_forms_set_face(body, forms, &form)) return DGFEM_NONE;
+    forms->faces[forms->face_count] = form;
+    return forms->face_count++;
+}
+
+/* Removes the face forms of a condition; the others keep their order. */
+static void dgfemi_forms_remove_condition(dgfem_forms *forms, const dgfem_hooks *hooks, int condition) {
+    int kept = 0;
+    for (int f = 0; f < forms->face_count; f++) {
+        const dgfemi_face_form *form = &forms->faces[f];
+        if (form->condition == condition) dgfemi_forms_give(forms, hooks, dgfemi_face_form_size(form), form->data);
+        else forms->faces[kept++] = *form;
+    }
+    forms->face_count = kept;
+}
+
+/* Integrals of all elements and glued faces; NULL when out of memory. */
+static dgfem_forms *dgfemi_forms_create(const dgfem_body *body) {
+    const dgfem_mesh *mesh = body->mesh;
+    dgfem_forms *forms = (dgfem_forms *)dgfemi_allocate_zero(&body->hooks, 1, sizeof *forms);
+    if (!forms) return NULL;
+    int ok = 1;
+    forms->elements = (dgfemi_element_form *)dgfemi_allocate(&body->hooks, (size_t)mesh->element_count,
+                                                             sizeof *forms->elements);
+    if (!forms->elements) ok = 0;
+    for (int e = 0; ok && e < mesh->element_count; e++) ok = dgfemi_forms_set_element(body, forms, e);
+    for (int f = 0; ok && f < mesh->face_count; f++)
+        if (mesh->faces[f].element[1] != DGFEM_NONE && !mesh->faces[f].cut)
+            ok = dgfemi_forms_add_face(body, forms, f, DGFEM_NONE, 0) != DGFEM_NONE;
+    if (ok) return forms;
+    dgfemi_forms_destroy(forms, &body->hooks);
+    return NULL;
+}
+
+/* ---- prescribed displacements ---- */
+
+/* Fits the prescribed field on a held face by a polynomial of the face's degree about its centre: least squares over
+   lattice points of the fan triangles, exact for every polynomial of that degree. The fit lives in the plane, with the
+   axes of the face, so that the normal direction does not make it singular. */
+typedef struct dgfemi_face_fit {
+    dgfem_vec3 centre, axis[2], normal;
+    dgfem_real radius;
+    int degree, count; /* in-plane monomials: 3, 6, 10 */
+    dgfem_real gram[10 * 10];
+    dgfem_real rhs[10 * 3];
+} dgfemi_face_fit;
+
+static void dgfemi_face_fit_basis(const dgfemi_face_fit *fit, dgfem_vec3 x, dgfem_real *values) {
+    dgfem_vec3 d = dgfemi_scale(1 / fit->radius, dgfemi_sub(x, fit->centre));
+    dgfem_real u = dgfemi_dot(fit->axis[0], d), v = dgfemi_dot(fit->axis[1], d);
+    int k = 0;
+    for (int p = 0; p <= fit->degree; p++)
+        for (int i = p; i >= 0; i--) {
+            values[k] = 1;
+            for (int a = 0; a < i; a++) values[k] *= u;
+            for (int a = 0; a < p - i; a++) values[k] *= v;
+            k++;
+        }
+}
+
+static void dgfemi_face_fit_sample(dgfemi_face_fit *fit, dgfem_vec3 x, dgfem_vec3 value) {
+    dgfem_real b[10];
+    dgfemi_face_fit_basis(fit, x, b);
+    for (int i = 0; i < fit->count; i++) {
+        for (int j = 0; j < fit->count; j++) fit->gram[i * fit->count + j] += b[i] * b[j];
+        fit->rhs[i * 3] += b[i] * value.x;
+        fit->rhs[i * 3 + 1] += b[i] * value.y;
+        fit->rhs[i * 3 + 2] += b[i] * value.z;
+    }
+}
+
+/* In-plane monomial u^i v^j as a polynomial in face monomials: (axis0 . m)^i (axis1 . m)^j by repeated products. */
+static void dgfemi_face_fit_expand(const dgfemi_face_fit *fit, int i, int j, dgfem_real *out) {
+    int factors = i + j, n = dgfem_monomial_count(factors);
+    memset(out, 0, DGFEM_MAX_BASIS * sizeof *out);
+    out[0] = 1;
+    for (int f = 0; f < factors; f++) {
+        dgfem_vec3 axis = fit->axis[f < i ? 0 : 1];
+        dgfem_real next[DGFEM_MAX_BASIS];
+        memset(next, 0, sizeof next);
+        for (int k = 0; k < n; k++)
+            for (int a = 0; a < 3 && out[k] != 0; a++)
+                next[dgfemi_product_index(k, 1 + a)] += out[k] * dgfemi_axis(axis, a);
+        memcpy(out, next, sizeof next);
+    }
+}
+
+static void dgfemi_face_fit_frame(const dgfem_mesh *mesh, const dgfem_face *face, int degree, dgfemi_face_fit *fit) {
+    memset(fit, 0, sizeof *fit);
+    fit->centre = face->centre;
+    fit->normal = face->normal;
+    fit->radius = dgfemi_face_radius(mesh, face);
+    fit->degree = degree;
+    fit->count = (degree + 1) * (degree + 2) / 2;
+    dgfem_vec3 n = face->normal;
+    dgfem_vec3 aside = dgfemi_abs(n.x) < DGFEM_R(0.6) ? dgfemi_vec3(1, 0, 0) : dgfemi_vec3(0, 1, 0);
+    fit->axis[0] = dgfemi_normalized(dgfemi_cross(n, aside));
+    fit->axis[1] = dgfemi_cross(n, fit->axis[0]);
+}
+
+/* Samples the field on a lattice of every triangle (centre, p, q) of the face's loops. */
+static void dgfemi_face_fit_samples(const dgfem_mesh *mesh, const dgfem_face *face, dgfemi_face_fit *fit,
+                               dgfem_displacement_fn fn, void *user) {
+    int steps = fit->degree + 1;
+    for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++) {
+        dgfem_loop loop = mesh->loops[l];
+        for (int k = 0; k < loop.count; k++) {
+            dgfem_vec3 p = mesh->vertices[mesh->loop_vertices[loop.start + k]];
+            dgfem_vec3 q = mesh->vertices[mesh->loop_vertices[loop.start + (k + 1) % loop.count]];
+            for (int i = 0; i <= steps; i++)
+                for (int j = 0; i + j <= steps; j++) {
+                    dgfem_real s = (dgfem_real)i / (dgfem_real)steps, t = (dgfem_real)j / (dgfem_real)steps;
+                    dgfem_vec3 x = dgfemi_add_scaled(fit->centre, s, dgfemi_sub(p, fit->centre));
+                    dgfem_vec3 value = dgfemi_vec3(0, 0, 0);
+                    x = dgfemi_add_scaled(x, t, dgfemi_sub(q, fit->centre));
+                    fn(user, x, &value);
+                    dgfemi_face_fit_sample(fit, x, value);
+                }
+        }
+    }
+}
+
+/* Sets the ghost of a held face to the field. DGFEM_ERROR_NOT_FINITE where the field is; a face too thin for the fit
+   takes the mean. */
+static dgfem_status dgfemi_forms_set_ghost(const dgfem_body *body, const dgfemi_face_form *form,
+                                           dgfem_displacement_fn fn, void *user, dgfem_vec3 *ghost) {
+    const dgfem_face *face = &body->mesh->faces[form->face];
+    dgfemi_face_fit fit;
+    dgfem_real expanded[DGFEM_MAX_BASIS];
+    dgfemi_face_fit_frame(body->mesh, face, body->degree[form->element[0]], &fit);
+    dgfemi_face_fit_samples(body->mesh, face, &fit, fn, user);
+    for (int i = 0; i < fit.count * 3; i++)
+        if (!dgfemi_is_finite(fit.rhs[i]))
+            return dgfemi_fail(&body->hooks, DGFEM_ERROR_NOT_FINITE, "prescribed displacement on face %d", form->face);
+    dgfem_real samples = fit.gram[0];
+    dgfem_vec3 mean = dgfemi_scale(1 / samples, dgfemi_vec3(fit.rhs[0], fit.rhs[1], fit.rhs[2]));
+    memset(ghost, 0, (size_t)form->count[1] * sizeof *ghost);
+    if (!dgfemi_cholesky_dense(fit.gram, fit.count)) {
+        ghost[0] = mean;
+        return DGFEM_OK;
+    }
+    dgfemi_cholesky_dense_solve(fit.gram, fit.count, fit.rhs, 3);
+    int m = 0;
+    for (int p = 0; p <= fit.degree; p++)
+        for (int i = p; i >= 0; i--, m++) {
+            dgfemi_face_fit_expand(&fit, i, p - i, expanded);
+            dgfem_vec3 c = dgfemi_vec3(fit.rhs[3 * m], fit.rhs[3 * m + 1], fit.rhs[3 * m + 2]);
+            for (int k = 0; k < form->count[1]; k++) ghost[k] = dgfemi_add_scaled(ghost[k], expanded[k], c);
+        }
+    return DGFEM_OK;
+}

@@ -1,0 +1,857 @@
+#pragma once
+#include "linalg.c"
+#include "sparse.c"
+/* Fill-reducing orderings of the blocks: minimum degree and geometric nested dissection. */
+
+/* ---- graph of the blocks ---- */
+
+/* Vertices are blocks, edges the stored blocks off the diagonal. Neighbours ascend. */
+typedef struct dgfemi_graph {
+    int count;
+    int *start;     /* [count + 1] */
+    int *neighbour; /* vertex v: start[v] <= k < start[v + 1] */
+    int *block;     /* the edge's stored block in the matrix */
+    int *weight;    /* [count] unknowns of the block */
+} dgfemi_graph;
+
+/* 0 when out of memory. */
+static int dgfemi_graph_make(dgfemi_arena *arena, const dgfem_matrix *matrix, dgfemi_graph *graph) {
+    int n = matrix->block_count, r, k;
+    size_t edges = 2 * (size_t)(matrix->row_start[n] - n);
+    graph->count = n;
+    graph->start = (int *)dgfemi_arena_allocate_zero(arena, (size_t)n + 1, sizeof(int));
+    graph->neighbour = (int *)dgfemi_arena_allocate(arena, edges, sizeof(int));
+    graph->block = (int *)dgfemi_arena_allocate(arena, edges, sizeof(int));
+    graph->weight = (int *)dgfemi_arena_allocate(arena, (size_t)n, sizeof(int));
+    if (!graph->start || !graph->neighbour || !graph->block || !graph->weight) return 0;
+    for (r = 0; r < n; r++) {
+        graph->weight[r] = dgfemi_block_size(matrix, r);
+        for (k = matrix->row_start[r]; k < dgfemi_diagonal_index(matrix, r); k++)
+            graph->start[r]++, graph->start[matrix->column[k]]++;
+    }
+    dgfemi_counts_to_starts(graph->start, n);
+    for (r = 0; r < n; r++)
+        for (k = matrix->row_start[r]; k < dgfemi_diagonal_index(matrix, r); k++) {
+            int c = matrix->column[k], at_r = graph->start[r]++, at_c = graph->start[c]++;
+            graph->neighbour[at_r] = c, graph->block[at_r] = k;
+            graph->neighbour[at_c] = r, graph->block[at_c] = k;
+        }
+    dgfemi_restore_starts(graph->start, n);
+    return 1;
+}
+
+/* ---- minimum degree ---- */
+
+/* Approximate minimum degree (Amestoy, Davis, Duff 1996) on the quotient graph. A node is a variable, not yet
+   eliminated; or an element, the clique of variables that an elimination left; or dead: a variable merged into an
+   indistinguishable one, an element swallowed by a later one.
+
+   list of a variable:  its elements, then the variables that it still neighbours directly
+   list of an element:  its variables */
+typedef struct dgfemi_quotient {
+    int count;
+    const unsigned char *frozen; /* variables that count in degrees but are never eliminated; or NULL */
+    int *list, *spare;           /* all lists; and as much room to pack them into */
+    int used, room;              /* of list */
+    int *start, *length;         /* [count] a node's list; length is DGFEM_NONE when dead */
+    int *elements;               /* [count] variable: elements in its list */
+    int *weight;                 /* [count] variable: of it and all that are merged into it; 0 otherwise */
+    int *degree;                 /* [count] variable: bound of its neighbours' weight; element: its variables' weight */
+    int64_t *mark;               /* [count] variable: == stamp when in the new element; element: see count_outside */
+    int64_t stamp, stamp_step;
+    int *head, *next, *previous; /* variables by degree; next also chains those of equal hash */
+    int lowest;                  /* no variable has a lower degree */
+    int *hash, *bucket;          /* [count] variable: hash of its list; first variable of each hash */
+    int *member, *last_member;   /* [count] chain of the variables merged into one */
+    int remaining;               /* weight of all variables */
+    int *order, ordered;         /* the result */
+} dgfemi_quotient;
+
+static int dgfemi_quotient_allocate(dgfemi_quotient *q, dgfemi_arena *arena, const dgfemi_graph *graph) {
+    int **arrays[11];
+    size_t n = (size_t)graph->count;
+    int edges = graph->start[graph->count], i;
+    q->count = graph->count;
+    q->room = edges + edges / 4 + graph->count;
+    arrays[0] = &q->start, arrays[1] = &q->length, arrays[2] = &q->elements, arrays[3] = &q->weight;
+    arrays[4] = &q->degree, arrays[5] = &q->next, arrays[6] = &q->previous, arrays[7] = &q->hash;
+    arrays[8] = &q->bucket, arrays[9] = &q->member, arrays[10] = &q->last_member;
+    for (i = 0; i < 11; i++) {
+        *arrays[i] = (int *)dgfemi_arena_allocate_zero(arena, n, sizeof(int));
+        if (!*arrays[i]) return 0;
+    }
+    q->list = (int *)dgfemi_arena_allocate(arena, (size_t)q->room, sizeof(int));
+    q->spare = (int *)dgfemi_arena_allocate(arena, (size_t)q->room, sizeof(int));
+    q->mark = (int64_t *)dgfemi_arena_allocate_zero(arena, n, sizeof(int64_t));
+    return q->list && q->spare && q->mark;
+}
+
+static int dgfemi_is_frozen(const dgfemi_quotient *q, int i) { return q->frozen && q->frozen[i]; }
+
+static void dgfemi_degree_insert(dgfemi_quotient *q, int i) {
+    int first;
+    if (dgfemi_is_frozen(q, i)) return;
+    first = q->head[q->degree[i]];
+    q->next[i] = first;
+    q->previous[i] = DGFEM_NONE;
+    if (first != DGFEM_NONE) q->previous[first] = i;
+    q->head[q->degree[i]] = i;
+    if (q->degree[i] < q->lowest) q->lowest = q->degree[i];
+}
+
+static void dgfemi_degree_remove(dgfemi_quotient *q, int i) {
+    if (dgfemi_is_frozen(q, i)) return;
+    if (q->previous[i] != DGFEM_NONE) q->next[q->previous[i]] = q->next[i];
+    else q->head[q->degree[i]] = q->next[i];
+    if (q->next[i] != DGFEM_NONE) q->previous[q->next[i]] = q->previous[i];
+}
+
+/* Divides the weights by their greatest common divisor: blocks of one size count as 1. Returns the total. */
+static int dgfemi_quotient_weights(const dgfemi_graph *graph, int *weight) {
+    int divisor = 0, total = 0, i;
+    for (i = 0; i < graph->count; i++) {
+        int a = graph->weight[i];
+        while (a) {
+            int rest = divisor % a;
+            divisor = a;
+            a = rest;
+        }
+    }
+    for (i = 0; i < graph->count; i++) total += weight[i] = graph->weight[i] / divisor;
+    return total;
+}
+
+/* A variable coupled to very many others would be scanned at each of their eliminations, and would fill in any order:
+   it goes last and leaves the graph. */
+static int dgfemi_is_dense(const dgfemi_graph *graph, int i) {
+    double degree = graph->start[i + 1] - graph->start[i];
+    return degree > 16 && degree > 10 * sqrt((double)graph->count);
+}
+
+static void dgfemi_quotient_fill(dgfemi_quotient *q, const dgfemi_graph *graph, int total) {
+    int i, k;
+    q->stamp = 1;
+    q->stamp_step = (int64_t)total + 1;
+    q->lowest = total;
+    for (i = 0; i <= total; i++) q->head[i] = DGFEM_NONE;
+    for (i = 0; i < q->count; i++) {
+        q->bucket[i] = q->member[i] = DGFEM_NONE;
+        q->last_member[i] = i;
+        if (dgfemi_is_dense(graph, i)) q->weight[i] = 0;
+        q->remaining += q->weight[i];
+    }
+    for (i = 0; i < q->count; i++) {
+        q->start[i] = q->used;
+        if (!q->weight[i]) {
+            q->length[i] = DGFEM_NONE;
+            continue;
+        }
+        for (k = graph->start[i]; k < graph->start[i + 1]; k++) {
+            int j = graph->neighbour[k];
+            if (!q->weight[j]) continue;
+            q->list[q->used++] = j;
+            q->degree[i] += q->weight[j];
+        }
+        q->length[i] = q->used - q->start[i];
+    }
+    for (i = q->count - 1; i >= 0; i--) /* equal degrees leave in ascending order */
+        if (q->weight[i]) dgfemi_degree_insert(q, i);
+}
+
+/* Makes room for a list of all nodes at the end. */
+static void dgfemi_quotient_pack(dgfemi_quotient *q) {
+    int *packed = q->spare, used = 0, i, k;
+    if (q->room - q->used >= q->count) return;
+    for (i = 0; i < q->count; i++) {
+        int start = q->start[i];
+        q->start[i] = used;
+        for (k = 0; k < q->length[i]; k++) packed[used++] = q->list[start + k];
+    }
+    q->spare = q->list;
+    q->list = packed;
+    q->used = used;
+}
+
+/* Puts a variable, and all merged into it, into the order. */
+static void dgfemi_quotient_order(dgfemi_quotient *q, int i) {
+    q->remaining -= q->weight[i];
+    q->weight[i] = 0;
+    for (; i != DGFEM_NONE; i = q->member[i]) q->order[q->ordered++] = i;
+}
+
+/* Lp = (variables next to p, directly or in one of its elements) \ p. The elements are swallowed. */
+static void dgfemi_quotient_eliminate(dgfemi_quotient *q, int p) {
+    int first = q->used, weight = 0, k, m;
+    q->stamp += q->stamp_step;
+    q->mark[p] = q->stamp;
+    for (k = 0; k <= q->elements[p]; k++) {
+        int whole = k < q->elements[p]; /* at last, the direct neighbours */
+        int e = whole ? q->list[q->start[p] + k] : p;
+        int from = whole ? q->start[e] : q->start[p] + q->elements[p];
+        int length = whole ? q->length[e] : q->length[p] - q->elements[p];
+        for (m = 0; m < length; m++) {
+            int i = q->list[from + m];
+            if (!q->weight[i] || q->mark[i] == q->stamp) continue;
+            q->mark[i] = q->stamp;
+            q->list[q->used++] = i;
+            weight += q->weight[i];
+            dgfemi_degree_remove(q, i);
+        }
+        q->length[e] = DGFEM_NONE;
+    }
+    dgfemi_quotient_order(q, p);
+    q->start[p] = first;
+    q->length[p] = q->used - first;
+    q->degree[p] = weight;
+    q->mark[p] = 0;
+}
+
+/* Afterwards mark[e] - stamp is the weight of Le \ Lp for each element e that shares a variable with Lp. */
+static void dgfemi_quotient_count_outside(dgfemi_quotient *q, int p) {
+    int m, k;
+    for (m = 0; m < q->length[p]; m++) {
+        int i = q->list[q->start[p] + m];
+        for (k = 0; k < q->elements[i]; k++) {
+            int e = q->list[q->start[i] + k];
+            if (q->length[e] == DGFEM_NONE) continue;
+            if (q->mark[e] < q->stamp) q->mark[e] = q->stamp + q->degree[e];
+            q->mark[e] -= q->weight[i];
+        }
+    }
+}
+
+/* Rewrites the list of i, a variable of Lp: p first, then the elements that reach beyond Lp (the others are swallowed),
+   then the variables outside Lp. Returns the weight of what i has beyond Lp, counted once per element. */
+static int dgfemi_quotient_rewrite(dgfemi_quotient *q, int p, int i) {
+    int *list = q->list + q->start[i];
+    int length = q->length[i], elements = q->elements[i], kept = 0, k;
+    unsigned hash = (unsigned)p;
+    int64_t beyond = 0;
+    for (k = 0; k < elements; k++) {
+        int e = list[k];
+        if (q->length[e] == DGFEM_NONE) continue;
+        if (q->mark[e] == q->stamp) {
+            q->length[e] = DGFEM_NONE;
+            continue;
+        }
+        beyond += q->mark[e] - q->stamp;
+        hash += (unsigned)e;
+        list[kept++] = e;
+    }
+    q->elements[i] = kept + 1;
+    for (k = elements; k < length; k++) {
+        int j = list[k];
+        if (!q->weight[j] || q->mark[j] == q->stamp) continue;
+        beyond += q->weight[j];
+        hash += (unsigned)j;
+        list[kept++] = j;
+    }
+    /* p was the way into Lp, itself or through an element now swallowed: at least one place has become free */
+    list[kept] = list[q->elements[i] - 1];
+    list[q->elements[i] - 1] = list[0];
+    list[0] = p;
+    q->length[i] = kept + 1;
+    q->hash[i] = (int)(hash % (unsigned)q->count);
+    return beyond < q->remaining ? (int)beyond : q->remaining;
+}
+
+/* Same elements and same neighbours? Those of i carry the stamp. */
+static int dgfemi_quotient_same(const dgfemi_quotient *q, int i, int j) {
+    int k;
+    if (q->length[i] != q->length[j] || q->elements[i] != q->elements[j]) return 0;
+    for (k = 0; k < q->length[j]; k++)
+        if (q->mark[q->list[q->start[j] + k]] != q->stamp) return 0;
+    return 1;
+}
+
+/* Merges variables of Lp that have become indistinguishable: they would be eliminated one after another. */
+static void dgfemi_quotient_merge(dgfemi_quotient *q, int first) {
+    int i, k;
+    for (i = first; i != DGFEM_NONE; i = q->next[i]) {
+        int before = i, j = q->next[i];
+        if (j == DGFEM_NONE) return;
+        q->stamp++;
+        for (k = 0; k < q->length[i]; k++) q->mark[q->list[q->start[i] + k]] = q->stamp;
+        for (; j != DGFEM_NONE; j = q->next[j]) {
+            if (!dgfemi_quotient_same(q, i, j)) {
+                before = j;
+                continue;
+            }
+            q->weight[i] += q->weight[j];
+            q->weight[j] = 0;
+            q->length[j] = DGFEM_NONE;
+            q->member[q->last_member[i]] = j;
+            q->last_member[i] = q->last_member[j];
+            q->next[before] = q->next[j];
+        }
+    }
+}
+
+/* New lists and degrees for the variables of the new element p; some are eliminated with it, some merge. */
+static void dgfemi_quotient_update(dgfemi_quotient *q, int p) {
+    int *variables = q->list + q->start[p];
+    int count = q->length[p], kept = 0, m;
+    dgfemi_quotient_count_outside(q, p);
+    for (m = 0; m < count; m++) {
+        int i = variables[m], beyond = dgfemi_quotient_rewrite(q, p, i);
+        if (dgfemi_is_frozen(q, i)) continue;
+        if (beyond == 0) { /* nothing but Lp: eliminated now, it adds no fill */
+            q->degree[p] -= q->weight[i];
+            q->length[i] = DGFEM_NONE;
+            dgfemi_quotient_order(q, i);
+            continue;
+        }
+        if (beyond < q->degree[i]) q->degree[i] = beyond; /* for now without Lp */
+        q->next[i] = q->bucket[q->hash[i]];
+        q->bucket[q->hash[i]] = i;
+    }
+    q->stamp += q->stamp_step; /* above the marks of elements, which merging must not mistake for its own */
+    for (m = 0; m < count; m++) {
+        int i = variables[m], first;
+        if (!q->weight[i] || dgfemi_is_frozen(q, i)) continue;
+        first = q->bucket[q->hash[i]];
+        q->bucket[q->hash[i]] = DGFEM_NONE;
+        dgfemi_quotient_merge(q, first);
+    }
+    for (m = 0; m < count; m++) {
+        int i = variables[m], others = q->degree[p] - q->weight[i], bound = q->remaining - q->weight[i];
+        if (!q->weight[i]) continue;
+        variables[kept++] = i;
+        if (dgfemi_is_frozen(q, i)) continue;
+        q->degree[i] = q->degree[i] < bound - others ? q->degree[i] + others : bound;
+        dgfemi_degree_insert(q, i);
+    }
+    q->length[p] = kept;
+    q->used = q->start[p] + kept;
+}
+
+/* Writes the vertices that are not frozen (frozen NULL: all) into order, from the front. Returns their number, or
+   DGFEM_NONE when out of memory. */
+static int dgfemi_minimum_degree(dgfemi_arena *arena, const dgfemi_graph *graph, const unsigned char *frozen,
+                                 int *order) {
+    dgfemi_quotient quotient, *q = &quotient;
+    int total, i;
+    memset(q, 0, sizeof *q);
+    q->frozen = frozen;
+    q->order = order;
+    if (!dgfemi_quotient_allocate(q, arena, graph)) return DGFEM_NONE;
+    total = dgfemi_quotient_weights(graph, q->weight);
+    q->head = (int *)dgfemi_arena_allocate(arena, (size_t)total + 1, sizeof(int));
+    if (!q->head) return DGFEM_NONE;
+    dgfemi_quotient_fill(q, graph, total);
+    for (;;) {
+        int p;
+        while (q->lowest < total && q->head[q->lowest] == DGFEM_NONE) q->lowest++;
+        p = q->head[q->lowest];
+        if (p == DGFEM_NONE) break;
+        dgfemi_degree_remove(q, p);
+        dgfemi_quotient_pack(q);
+        dgfemi_quotient_eliminate(q, p);
+        dgfemi_quotient_update(q, p);
+    }
+    for (i = 0; i < graph->count; i++)
+        if (dgfemi_is_dense(graph, i) && !dgfemi_is_frozen(q, i)) order[q->ordered++] = i;
+    return q->ordered;
+}
+
+/* ---- geometric nested dissection ---- */
+
+/* Normals of the planes to try. Where cells touch their neighbours only across faces, as in a grid, a diagonal plane
+   cuts fewer cells than one along the grid. */
+#define DGFEM_DIRECTIONS 13
+
+static dgfem_vec3 dgfemi_direction(int i) {
+    static const signed char table[DGFEM_DIRECTIONS][3] = {
+        {1, 0, 0},  {0, 1, 0},  {0, 0, 1}, {1, 1, 0},  {1, -1, 0}, {1, 0, 1},  {1, 0, -1},
+        {0, 1, 1},  {0, 1, -1}, {1, 1, 1}, {1, 1, -1}, {1, -1, 1}, {1, -1, -1}};
+    return dgfemi_vec3((dgfem_real)table[i][0], (dgfem_real)table[i][1], (dgfem_real)table[i][2]);
+}
+
+enum {
+    DGFEM_SMALLEST_PART = 48, /* vertices; smaller parts are left to minimum degree */
+    DGFEM_KEY_BITS = 10       /* places along a direction are rounded to twice as many bits: ties survive round-off */
+};
+
+typedef enum dgfemi_side { DGFEM_SIDE_AHEAD, DGFEM_SIDE_PASSED, DGFEM_SIDE_SEPARATOR } dgfemi_side;
+
+typedef struct dgfemi_dissection {
+    const dgfemi_graph *graph;
+    int *sorted[DGFEM_DIRECTIONS]; /* vertices by place along each direction; a part is the same range of each list */
+    int *part;                     /* [count] of each vertex; DGFEM_NONE in a separator */
+    int parts;                     /* made so far */
+    int *degree;                   /* [count] neighbours within the part */
+    int *ahead;                    /* [count] those of them that a sweep has not passed */
+    unsigned char *side;           /* [count] a dgfemi_side */
+    int *scratch;                  /* [count] */
+    /* the network of dgfemi_narrow_separator */
+    int *band, band_count;         /* its vertices */
+    int *level;                    /* [count] distance from the separator; DGFEM_NONE outside the band */
+    unsigned char *touches;        /* [count] bit 0: the part passed, bit 1: the part ahead, both without the band */
+    int *before, *after;           /* [count] neighbours on the path through a vertex, or one of the following */
+    int *queue, *from;             /* [2 * count] states of a search, and where each was reached from */
+    unsigned char *reached;        /* [2 * count] */
+    unsigned char *old_side;       /* [count] */
+} dgfemi_dissection;
+
+/* A sweep along a direction that stops after `passed` vertices. The separator is the layer of vertices with a neighbour
+   across: the last one passed or the first one ahead. */
+typedef struct dgfemi_cut {
+    double cost;
+    int direction, passed;
+    int ahead; /* 1: the separator is the layer ahead */
+} dgfemi_cut;
+
+#define DGFEM_NO_CUT 1e300
+
+/* Weights of the separator and of what lies to its sides. The ratio cut weighs a small separator against even halves;
+   the 1 lets even halves win where nothing need be cut. */
+static double dgfemi_cut_cost(double separator, double passed, double ahead) {
+    double smaller = passed < ahead ? passed : ahead;
+    if (16 * smaller < separator + passed + ahead) return DGFEM_NO_CUT; /* or the parts would be too many */
+    return (separator + 1) / (passed * ahead);
+}
+
+/* Stable sort by one digit of the keys. */
+static void dgfemi_sort_by_digit(const int *key, int shift, const int *from, int *to, int count) {
+    int starts[(1 << DGFEM_KEY_BITS) + 1], mask = (1 << DGFEM_KEY_BITS) - 1, i;
+    memset(starts, 0, sizeof starts);
+    for (i = 0; i < count; i++) starts[(key[from[i]] >> shift) & mask]++;
+    dgfemi_counts_to_starts(starts, 1 << DGFEM_KEY_BITS);
+    for (i = 0; i < count; i++) to[starts[(key[from[i]] >> shift) & mask]++] = from[i];
+}
+
+/* Lists the vertices by their place along a direction, ties by index. */
+static void dgfemi_sort_along(dgfemi_dissection *d, const dgfem_vec3 *points, dgfem_vec3 direction, int *sorted) {
+    int n = d->graph->count, *key = d->ahead, i;
+    dgfem_real low = dgfemi_dot(direction, points[0]), high = low, scale;
+    for (i = 1; i < n; i++) {
+        dgfem_real place = dgfemi_dot(direction, points[i]);
+        low = dgfemi_min(low, place);
+        high = dgfemi_max(high, place);
+    }
+    scale = high > low ? (dgfem_real)((1 << 2 * DGFEM_KEY_BITS) - 2) / (high - low) : 0;
+    for (i = 0; i < n; i++) {
+        key[i] = (int)((dgfemi_dot(direction, points[i]) - low) * scale + DGFEM_R(0.5));
+        sorted[i] = i;
+    }
+    dgfemi_sort_by_digit(key, 0, sorted, d->scratch, n);
+    dgfemi_sort_by_digit(key, DGFEM_KEY_BITS, d->scratch, sorted, n);
+}
+
+/* Moves one coordinate of the points to 0..1, halving first so that nothing overflows; then makes the typical distance
+   of neighbours its unit, so that diagonal planes are diagonal to the cells also where these are flat. */
+static void dgfemi_normalise_axis(const dgfemi_graph *graph, dgfem_real *x) {
+    enum { STRIDE = 3 };
+    dgfem_real low = x[0] / 2, high = low;
+    double sum = 0, squares = 0;
+    int v, k;
+    for (v = 0; v < graph->count; v++) {
+        low = dgfemi_min(low, x[v * STRIDE] / 2);
+        high = dgfemi_max(high, x[v * STRIDE] / 2);
+    }
+    for (v = 0; v < graph->count; v++) x[v * STRIDE] = high > low ? (x[v * STRIDE] / 2 - low) / (high - low) : 0;
+    for (v = 0; v < graph->count; v++)
+        for (k = graph->start[v]; k < graph->start[v + 1]; k++) {
+            double distance = fabs((double)x[v * STRIDE] - (double)x[graph->neighbour[k] * STRIDE]);
+            sum += distance;
+            squares += distance * distance;
+        }
+    if (!(squares > 1e-9 * sum)) return;
+    for (v = 0; v < graph->count; v++) x[v * STRIDE] *= (dgfem_real)(sum / squares);
+}
+
+/* ---- cutting by a sweep ---- */
+
+/* The sweep passes vertex v = sorted[at]. *last_layer and *next_layer are the weights of the two possible separators:
+   passed vertices with a neighbour ahead, vertices ahead with a passed neighbour. */
+static void dgfemi_sweep_past(dgfemi_dissection *d, int v, double *last_layer, double *next_layer) {
+    const dgfemi_graph *graph = d->graph;
+    int k;
+    if (d->ahead[v] < d->degree[v]) *next_layer -= graph->weight[v];
+    if (d->ahead[v] > 0) *last_layer += graph->weight[v];
+    d->side[v] = DGFEM_SIDE_PASSED;
+    for (k = graph->start[v]; k < graph->start[v + 1]; k++) {
+        int u = graph->neighbour[k];
+        if (d->part[u] != d->part[v]) continue;
+        d->ahead[u]--;
+        if (d->side[u] == DGFEM_SIDE_PASSED && d->ahead[u] == 0) *last_layer -= graph->weight[u];
+        if (d->side[u] == DGFEM_SIDE_AHEAD && d->ahead[u] == d->degree[u] - 1) *next_layer += graph->weight[u];
+    }
+}
+
+/* Improves *best by the places where a sweep along one direction may stop. */
+static void dgfemi_sweep(dgfemi_dissection *d, int direction, int first, int last, double total, dgfemi_cut *best) {
+    const int *sorted = d->sorted[direction];
+    double passed = 0, layer[2] = {0, 0};
+    int at, i;
+    for (at = first; at < last; at++) {
+        d->ahead[sorted[at]] = d->degree[sorted[at]];
+        d->side[sorted[at]] = DGFEM_SIDE_AHEAD;
+    }
+    for (at = first; at < last; at++) {
+        passed += d->graph->weight[sorted[at]];
+        dgfemi_sweep_past(d, sorted[at], &layer[0], &layer[1]);
+        for (i = 0; i < 2; i++) {
+            double separator = layer[i], before = i == 0 ? passed - separator : passed;
+            double cost = dgfemi_cut_cost(separator, before, total - separator - before);
+            if (!(cost < best->cost)) continue;
+            best->cost = cost;
+            best->direction = direction;
+            best->passed = at + 1 - first;
+            best->ahead = i;
+        }
+    }
+}
+
+/* Sets the side of every vertex of the part. */
+static void dgfemi_apply_cut(dgfemi_dissection *d, int first, int last, const dgfemi_cut *cut) {
+    const dgfemi_graph *graph = d->graph;
+    const int *sorted = d->sorted[cut->direction];
+    int own = cut->ahead ? DGFEM_SIDE_AHEAD : DGFEM_SIDE_PASSED;
+    int other = cut->ahead ? DGFEM_SIDE_PASSED : DGFEM_SIDE_AHEAD;
+    int at, k;
+    for (at = first; at < last; at++)
+        d->side[sorted[at]] = at < first + cut->passed ? DGFEM_SIDE_PASSED : DGFEM_SIDE_AHEAD;
+    for (at = first; at < last; at++) {
+        int v = sorted[at];
+        for (k = graph->start[v]; k < graph->start[v + 1] && d->side[v] == own; k++) {
+            int u = graph->neighbour[k];
+            if (d->part[u] == d->part[v] && d->side[u] == other) d->side[v] = DGFEM_SIDE_SEPARATOR;
+        }
+    }
+}
+
+/* ---- narrowing a separator ----
+
+   A plane cuts an irregular mesh along a rough layer. Between what is left of the two sides without a band around
+   that layer,
+
+       passed | band   separator   band | ahead
+              |  ---------->  path      |
+
+   the smallest separator has as many vertices as there are disjoint paths (Menger), and stands where a search for one
+   more path gets stuck. Each vertex is an arc of capacity one from its entry 2v to its exit 2v + 1. */
+
+enum { DGFEM_PATH_ENDS = -2 }; /* in before[] and after[]: the path comes from, or goes to, the side */
+
+/* All vertices of the part within `depth` edges of the separator. */
+static void dgfemi_collect_band(dgfemi_dissection *d, int first, int last, int depth) {
+    const dgfemi_graph *graph = d->graph;
+    int at, k;
+    d->band_count = 0;
+    for (at = first; at < last; at++) {
+        int v = d->sorted[0][at];
+        d->level[v] = DGFEM_NONE;
+        if (d->side[v] != DGFEM_SIDE_SEPARATOR) continue;
+        d->level[v] = 0;
+        d->band[d->band_count++] = v;
+    }
+    for (at = 0; at < d->band_count; at++) {
+        int v = d->band[at];
+        d->touches[v] = 0;
+        d->before[v] = d->after[v] = DGFEM_NONE;
+        d->old_side[v] = d->side[v];
+        for (k = graph->start[v]; k < graph->start[v + 1]; k++) {
+            int u = graph->neighbour[k];
+            if (d->part[u] != d->part[v] || d->level[u] != DGFEM_NONE) continue;
+            if (d->level[v] == depth) {
+                d->touches[v] |= d->side[u] == DGFEM_SIDE_PASSED ? 1 : 2;
+                continue;
+            }
+            d->level[u] = d->level[v] + 1;
+            d->band[d->band_count++] = u;
+        }
+    }
+}
+
+static void dgfemi_reach(dgfemi_dissection *d, int state, int from, int *queued) {
+    if (d->reached[state]) return;
+    d->reached[state] = 1;
+    d->from[state] = from;
+    d->queue[(*queued)++] = state;
+}
+
+/* One breadth-first search for a path that, if need be, pushes others aside. Returns the exit that it leaves the band
+   by, or DGFEM_NONE. */
+static int dgfemi_find_path(dgfemi_dissection *d) {
+    const dgfemi_graph *graph = d->graph;
+    int queued = 0, at, i, k;
+    for (i = 0; i < d->band_count; i++) d->reached[2 * d->band[i]] = d->reached[2 * d->band[i] + 1] = 0;
+    for (i = 0; i < d->band_count; i++)
+        if (d->touches[d->band[i]] & 1) dgfemi_reach(d, 2 * d->band[i], DGFEM_NONE, &queued);
+    for (at = 0; at < queued; at++) {
+        int state = d->queue[at], v = state / 2, taken = d->after[v] != DGFEM_NONE;
+        if (state % 2 == 0) {
+            if (!taken) dgfemi_reach(d, state + 1, state, &queued);
+            else if (d->before[v] >= 0) dgfemi_reach(d, 2 * d->before[v] + 1, state, &queued);
+            continue;
+        }
+        if (d->touches[v] & 2) return state;
+        if (taken) dgfemi_reach(d, state - 1, state, &queued);
+        for (k = graph->start[v]; k < graph->start[v + 1]; k++) {
+            int u = graph->neighbour[k];
+            if (d->part[u] == d->part[v] && d->level[u] != DGFEM_NONE) dgfemi_reach(d, 2 * u, state, &queued);
+        }
+    }
+    return DGFEM_NONE;
+}
+
+/* Takes the path found into the set: first unlinks the steps that it goes against, then links its own. */
+static void dgfemi_take_path(dgfemi_dissection *d, int last) {
+    int state, previous;
+    for (state = last; (previous = d->from[state]) != DGFEM_NONE; state = previous)
+        if (previous % 2 == 0 && state / 2 != previous / 2)
+            d->after[state / 2] = d->before[previous / 2] = DGFEM_NONE;
+    for (state = last; (previous = d->from[state]) != DGFEM_NONE; state = previous)
+        if (previous % 2 == 1 && state / 2 != previous / 2) {
+            d->after[previous / 2] = state / 2;
+            d->before[state / 2] = previous / 2;
+        }
+    d->before[state / 2] = DGFEM_PATH_ENDS;
+    d->after[last / 2] = DGFEM_PATH_ENDS;
+}
+
+/* Replaces the separator by the smallest one within the band if that costs less; 1 if so. Vertices count as one each
+   here, by their weights in the cost. */
+static int dgfemi_narrow_separator(dgfemi_dissection *d, int first, int last, int depth, double *cost) {
+    double weight[3] = {0, 0, 0}, new_cost;
+    int path, at, i;
+    dgfemi_collect_band(d, first, last, depth);
+    while ((path = dgfemi_find_path(d)) != DGFEM_NONE) dgfemi_take_path(d, path);
+    for (i = 0; i < d->band_count; i++) {
+        int v = d->band[i];
+        d->side[v] = DGFEM_SIDE_AHEAD;
+        if (d->reached[2 * v]) d->side[v] = d->reached[2 * v + 1] ? DGFEM_SIDE_PASSED : DGFEM_SIDE_SEPARATOR;
+    }
+    for (at = first; at < last; at++) weight[d->side[d->sorted[0][at]]] += d->graph->weight[d->sorted[0][at]];
+    new_cost = dgfemi_cut_cost(weight[DGFEM_SIDE_SEPARATOR], weight[DGFEM_SIDE_PASSED], weight[DGFEM_SIDE_AHEAD]);
+    if (new_cost < *cost) {
+        *cost = new_cost;
+        return 1;
+    }
+    for (i = 0; i < d->band_count; i++) d->side[d->band[i]] = d->old_side[d->band[i]];
+    return 0;
+}
+
+/* ---- the recursion ---- */
+
+static int dgfemi_dissection_allocate(dgfemi_dissection *d, dgfemi_arena *arena) {
+    int **arrays[DGFEM_DIRECTIONS + 10];
+    size_t n = (size_t)d->graph->count;
+    int count = 0, i;
+    for (i = 0; i < DGFEM_DIRECTIONS; i++) arrays[count++] = &d->sorted[i];
+    arrays[count++] = &d->part, arrays[count++] = &d->degree, arrays[count++] = &d->ahead;
+    arrays[count++] = &d->scratch, arrays[count++] = &d->band, arrays[count++] = &d->level;
+    arrays[count++] = &d->before, arrays[count++] = &d->after;
+    arrays[count++] = &d->queue, arrays[count++] = &d->from; /* twice as long */
+    for (i = 0; i < count; i++) {
+        *arrays[i] = (int *)dgfemi_arena_allocate_zero(arena, i < count - 2 ? n : 2 * n, sizeof(int));
+        if (!*arrays[i]) return 0;
+    }
+    d->side = (unsigned char *)dgfemi_arena_allocate(arena, n, 1);
+    d->old_side = (unsigned char *)dgfemi_arena_allocate(arena, n, 1);
+    d->touches = (unsigned char *)dgfemi_arena_allocate(arena, n, 1);
+    d->reached = (unsigned char *)dgfemi_arena_allocate(arena, 2 * n, 1);
+    return d->side && d->old_side && d->touches && d->reached;
+}
+
+/* Lists the vertices along all directions. 0 when out of memory. */
+static int dgfemi_dissection_sort(dgfemi_dissection *d, dgfemi_arena *arena, const dgfem_vec3 *centres) {
+    size_t bytes = (size_t)d->graph->count * sizeof(dgfem_vec3);
+    dgfem_vec3 *points = (dgfem_vec3 *)dgfemi_arena_allocate(arena, bytes, 1);
+    int i;
+    if (!points) return 0;
+    memcpy(points, centres, bytes);
+    dgfemi_normalise_axis(d->graph, &points->x);
+    dgfemi_normalise_axis(d->graph, &points->y);
+    dgfemi_normalise_axis(d->graph, &points->z);
+    for (i = 0; i < DGFEM_DIRECTIONS; i++) dgfemi_sort_along(d, points, dgfemi_direction(i), d->sorted[i]);
+    return 1;
+}
+
+/* Counts the neighbours within the part. Returns its weight, 0 when it has no edges. */
+static double dgfemi_part_degrees(dgfemi_dissection *d, int first, int last) {
+    const dgfemi_graph *graph = d->graph;
+    double total = 0;
+    int edges = 0, at, k;
+    for (at = first; at < last; at++) {
+        int v = d->sorted[0][at];
+        d->degree[v] = 0;
+        for (k = graph->start[v]; k < graph->start[v + 1]; k++)
+            d->degree[v] += d->part[graph->neighbour[k]] == d->part[v];
+        edges += d->degree[v];
+        total += graph->weight[v];
+    }
+    return edges ? total : 0;
+}
+
+/* Splits the range of a list by side, otherwise in its order. */
+static void dgfemi_split_list(dgfemi_dissection *d, int *list, int count, int sizes[3]) {
+    int side, i, used = 0;
+    for (side = 0; side < 3; side++) {
+        int before = used;
+        for (i = 0; i < count; i++)
+            if (d->side[list[i]] == side) d->scratch[used++] = list[i];
+        sizes[side] = used - before;
+    }
+    memcpy(list, d->scratch, (size_t)count * sizeof *list);
+}
+
+/* Splits a part into one ahead, one passed and a separator, in this order; `sizes` are theirs. 0 where no cut is worth
+   while, as when all places are equal or everything is coupled to everything. */
+static int dgfemi_dissect(dgfemi_dissection *d, int first, int last, int sizes[3]) {
+    double total = dgfemi_part_degrees(d, first, last);
+    dgfemi_cut best;
+    int i, at;
+    if (!(total > 0)) return 0;
+    memset(&best, 0, sizeof best);
+    best.cost = DGFEM_NO_CUT;
+    for (i = 0; i < DGFEM_DIRECTIONS; i++) dgfemi_sweep(d, i, first, last, total, &best);
+    if (!(best.cost < DGFEM_NO_CUT)) return 0;
+    dgfemi_apply_cut(d, first, last, &best);
+    for (i = 0; i < 4; i++) /* twice in a band that follows the cut closely, then twice in a wider one */
+        if (!dgfemi_narrow_separator(d, first, last, 1 + i / 2, &best.cost)) break;
+    for (i = 0; i < DGFEM_DIRECTIONS; i++) dgfemi_split_list(d, d->sorted[i] + first, last - first, sizes);
+    for (at = first; at < last; at++) {
+        int v = d->sorted[0][at];
+        d->part[v] = d->side[v] == DGFEM_SIDE_SEPARATOR ? DGFEM_NONE : d->parts + d->side[v];
+    }
+    d->parts += 2;
+    return 1;
+}
+
+/* Separators go behind the two parts that they separate (George 1973); the order within the smallest parts is by
+   minimum degree, which sees the separators around them. 0 when out of memory. */
+static int dgfemi_nested_dissection(dgfemi_arena *arena, const dgfemi_graph *graph, const dgfem_vec3 *centres,
+                                    int *order) {
+    dgfemi_dissection dissection, *d = &dissection;
+    int n = graph->count, top = 0, ordered = n, i;
+    int *stack; /* first and last of the parts still to be cut: disjoint, and none is smaller than the smallest */
+    unsigned char *frozen = (unsigned char *)dgfemi_arena_allocate_zero(arena, (size_t)n, 1);
+    memset(d, 0, sizeof *d);
+    d->graph = graph;
+    d->parts = 1;
+    stack = (int *)dgfemi_arena_allocate(arena, 2 * ((size_t)n / DGFEM_SMALLEST_PART + 1), sizeof(int));
+    if (!frozen || !stack || !dgfemi_dissection_allocate(d, arena) || !dgfemi_dissection_sort(d, arena, centres))
+        return 0;
+    if (n >= DGFEM_SMALLEST_PART) stack[top++] = 0, stack[top++] = n;
+    while (top > 0) {
+        int last = stack[--top], first = stack[--top], sizes[3];
+        if (!dgfemi_dissect(d, first, last, sizes)) continue;
+        for (i = last - sizes[DGFEM_SIDE_SEPARATOR]; i < last; i++) {
+            order[--ordered] = d->sorted[0][i];
+            frozen[d->sorted[0][i]] = 1;
+        }
+        for (i = 0; i < 2; first += sizes[i++])
+            if (sizes[i] >= DGFEM_SMALLEST_PART) stack[top++] = first, stack[top++] = first + sizes[i];
+    }
+    return dgfemi_minimum_degree(arena, graph, frozen, order) == ordered;
+}
+
+/* ---- elimination tree ---- */
+
+/* position[order[k]] = k; parent[k] is the position of the first row below the diagonal in column k of L (Liu 1990).
+   ancestor[count] is scratch: paths already walked, shortened. */
+static void dgfemi_elimination_tree(const dgfemi_graph *graph, const int *order, int *position, int *parent,
+                                    int *ancestor) {
+    int i, k;
+    for (i = 0; i < graph->count; i++) position[order[i]] = i;
+    for (i = 0; i < graph->count; i++) {
+        int v = order[i];
+        parent[i] = ancestor[i] = DGFEM_NONE;
+        for (k = graph->start[v]; k < graph->start[v + 1]; k++) {
+            int j = position[graph->neighbour[k]];
+            while (j != DGFEM_NONE && j < i) {
+                int next = ancestor[j];
+                ancestor[j] = i;
+                if (next == DGFEM_NONE) parent[j] = i;
+                j = next;
+            }
+        }
+    }
+}
+
+/* below[k], the unknowns below the diagonal block in block column k of L, and below_blocks[k] (may be NULL) their
+   blocks: row i of L reaches the columns on the way from its neighbours in A up the tree to i. mark[count] is
+   scratch. */
+static void dgfemi_column_counts(const dgfemi_graph *graph, const int *order, const int *position, const int *parent,
+                                 int *mark, int *below, int *below_blocks) {
+    int i, k;
+    for (i = 0; i < graph->count; i++) {
+        int v = order[i];
+        mark[i] = i;
+        below[i] = 0;
+        if (below_blocks) below_blocks[i] = 0;
+        for (k = graph->start[v]; k < graph->start[v + 1]; k++) {
+            int j = position[graph->neighbour[k]];
+            for (; j < i && mark[j] != i; j = parent[j]) {
+                mark[j] = i;
+                below[j] += graph->weight[v];
+                if (below_blocks) below_blocks[j]++;
+            }
+        }
+    }
+}
+
+/* Numbers in L and multiplications and additions of the factorization: sums of c and c^2 over the counts c of all
+   columns, diagonal included. */
+static void dgfemi_factor_cost(const dgfemi_graph *graph, const int *order, const int *below, double *entries,
+                               double *flops) {
+    int k, j;
+    *entries = *flops = 0;
+    for (k = 0; k < graph->count; k++)
+        for (j = 1; j <= graph->weight[order[k]]; j++) {
+            double count = (double)below[k] + j;
+            *entries += count;
+            *flops += count * count;
+        }
+}
+
+/* ---- choice ---- */
+
+/* 0 when out of memory. */
+static int dgfemi_order_flops(dgfemi_arena *arena, const dgfemi_graph *graph, const int *order, double *flops) {
+    size_t n = (size_t)graph->count;
+    int *position = (int *)dgfemi_arena_allocate(arena, n, sizeof(int));
+    int *parent = (int *)dgfemi_arena_allocate(arena, n, sizeof(int));
+    int *mark = (int *)dgfemi_arena_allocate(arena, n, sizeof(int));
+    int *below = (int *)dgfemi_arena_allocate(arena, n, sizeof(int));
+    double entries;
+    if (!position || !parent || !mark || !below) return 0;
+    dgfemi_elimination_tree(graph, order, position, parent, mark);
+    dgfemi_column_counts(graph, order, position, parent, mark, below, NULL);
+    dgfemi_factor_cost(graph, order, below, &entries, flops);
+    return 1;
+}
+
+/* Nested dissection where there are centres, unless minimum degree needs less work. */
+static int dgfemi_order_best(dgfemi_arena *arena, const dgfemi_graph *graph, const dgfem_vec3 *centres, int *order) {
+    double flops, flops_dissection;
+    int *dissection;
+    if (dgfemi_minimum_degree(arena, graph, NULL, order) == DGFEM_NONE) return 0;
+    if (!centres || graph->count < DGFEM_SMALLEST_PART) return 1;
+    dissection = (int *)dgfemi_arena_allocate(arena, (size_t)graph->count, sizeof(int));
+    if (!dissection || !dgfemi_nested_dissection(arena, graph, centres, dissection)) return 0;
+    if (!dgfemi_order_flops(arena, graph, order, &flops)) return 0;
+    if (!dgfemi_order_flops(arena, graph, dissection, &flops_dissection)) return 0;
+    if (flops_dissection < flops) memcpy(order, dissection, (size_t)graph->count * sizeof *order);
+    return 1;
+}
+
+/* order[k] is the block to eliminate as the k-th. Nested dissection needs centres. 0 when out of memory. */
+static int dgfemi_order_blocks(dgfemi_arena *arena, const dgfemi_graph *graph, const dgfem_vec3 *centres,
+                               dgfem_ordering ordering, int *order) {
+    int i;
+    if (graph->count == 0) return 1;
+    switch (ordering) {
+    case DGFEM_ORDERING_NATURAL:
+        for (i = 0; i < graph->count; i++) order[i] = i;
+        return 1;
+    case DGFEM_ORDERING_MINIMUM_DEGREE: return dgfemi_minimum_degree(arena, graph, NULL, order) != DGFEM_NONE;
+    case DGFEM_ORDERING_NESTED_DISSECTION:
+        DGFEM_ASSERT(centres);
+        return dgfemi_nested_dissection(arena, graph, centres, order);
+    case DGFEM_ORDERING_AUTO: break;
+    }
+    return dgfemi_order_best(arena, graph, centres, order);
+}

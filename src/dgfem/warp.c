@@ -1,0 +1,415 @@
+#pragma once
+#include "forms.c"
+#include "sparse.c"
+/* Stiffness warping: rotations of the elements, and the warped system assembled from the forms.
+
+   A rotated block follows from rotated vectors, so nothing is stored or multiplied as a 3x3 matrix that need not be.
+   With R the element's rotation, n' = R n, q' = R q, and  S' = R S R^T:
+
+     element  K'_ij = lambda G'_ij + mu G'_ij^T + mu tr(G'_ij) I
+     face     K1'_ij = -w (lambda n' q'^T + mu q' n'^T + mu (n'.q') I),  q' = R_s q^s_ij     (columns j of side s)
+              K'_ij = K1'_ij + K1'_ji^T + P_ij S_stiff + Q_ij S_rest
+              S_stiff = eta_stiff (mu I + (lambda + mu) N),  S_rest = eta_rest mu (I + N),
+              N = (n_a' n_a'^T + n_b' n_b'^T) / 2, each with its own element's rotation
+
+   The undeformed position is the polynomial X0 with linear coefficients scale * e_k. Stresses come from the
+   displacement in the rotated frame, R^T (X0 + U) - X0, so that K' U - f0 is the internal force with
+     f0_i = sum_j K'_ij (R - I) X0_j       over K'_ij of elements and K1'_ij of faces only. */
+
+/* ---- rotations ---- */
+
+/* Mean deformation gradient of an element: I + (1/V) int grad u. For degrees 1 and 2 the mean of quadratic terms'
+   gradients vanishes at the centroid; cubic ones need the element's moments, which the mass row of linear functions
+   holds: int (d_a N_j) is a moment of degree 2. */
+static dgfem_mat3 dgfemi_mean_gradient(const dgfem_body *body, int element) {
+    const dgfemi_element_form *form = &body->forms->elements[element];
+    const dgfem_vec3 *u = body->displacement + body->basis_start[element];
+    const dgfem_real *moments = dgfemi_form_load(body->forms, element);
+    dgfem_real inverse = 1 / (body->scale[element] * moments[0]);
+    dgfem_mat3 f = dgfemi_identity();
+    for (int j = 1; j < form->count; j++)
+        for (int a = 0; a < 3; a++) {
+            int lower = dgfemi_derivative_index(j, a);
+            if (lower == DGFEM_NONE) continue;
+            dgfem_real d = (dgfem_real)dgfemi_exponents[j][a] * moments[lower] * inverse;
+            f.m[0][a] += d * u[j].x;
+            f.m[1][a] += d * u[j].y;
+            f.m[2][a] += d * u[j].z;
+        }
+    return f;
+}
+
+typedef struct dgfemi_rotation_range {
+    const dgfem_body *body;
+    dgfem_mat3 *rotation;
+} dgfemi_rotation_range;
+
+static void dgfemi_rotations_in_range(void *context, int first, int last) {
+    const dgfemi_rotation_range *range = (const dgfemi_rotation_range *)context;
+    for (int e = first; e < last; e++)
+        range->rotation[e] = dgfem_rotation_of(dgfemi_mean_gradient(range->body, e), range->body->rotation[e]);
+}
+
+/* Rotations of all elements for the current displacement; without warping all are the identity. */
+static void dgfemi_rotations(const dgfem_body *body, dgfem_mat3 *rotation) {
+    dgfemi_rotation_range range;
+    range.body = body;
+    range.rotation = rotation;
+    if (body->desc.warp) {
+        dgfemi_parallel_for(&body->hooks, body->mesh->element_count, 64, dgfemi_rotations_in_range, &range);
+        return;
+    }
+    for (int e = 0; e < body->mesh->element_count; e++) rotation[e] = dgfemi_identity();
+}
+
+/* (R - I) X0_j for j = 1, 2, 3 */
+static void dgfemi_rotated_rest(const dgfem_mat3 *r, dgfem_real scale, dgfem_vec3 out[3]) {
+    for (int j = 0; j < 3; j++) {
+        out[j] = dgfemi_scale(scale, dgfemi_column(r, j));
+        if (j == 0) out[j].x -= scale;
+        if (j == 1) out[j].y -= scale;
+        if (j == 2) out[j].z -= scale;
+    }
+}
+
+/* ---- blocks ---- */
+
+/* lambda u v^T + mu v u^T + mu (u.v) I */
+static dgfem_mat3 dgfemi_elastic_block(dgfem_real lambda, dgfem_real mu, dgfem_vec3 u, dgfem_vec3 v) {
+    dgfem_mat3 a;
+    dgfem_real d = mu * dgfemi_dot(u, v);
+    a.m[0][0] = (lambda + mu) * u.x * v.x + d;
+    a.m[1][1] = (lambda + mu) * u.y * v.y + d;
+    a.m[2][2] = (lambda + mu) * u.z * v.z + d;
+    a.m[0][1] = lambda * u.x * v.y + mu * v.x * u.y;
+    a.m[1][0] = lambda * u.y * v.x + mu * v.y * u.x;
+    a.m[0][2] = lambda * u.x * v.z + mu * v.x * u.z;
+    a.m[2][0] = lambda * u.z * v.x + mu * v.z * u.x;
+    a.m[1][2] = lambda * u.y * v.z + mu * v.y * u.z;
+    a.m[2][1] = lambda * u.z * v.y + mu * v.z * u.y;
+    return a;
+}
+
+/* K'_ij of an element, i, j >= 1. */
+static dgfem_mat3 dgfemi_element_block(const dgfem_real *g, dgfem_real lambda, dgfem_real mu, const dgfem_mat3 *r,
+                                       const dgfem_mat3 *rt) {
+    dgfem_mat3 moment, rotated, k;
+    memcpy(&moment, g, sizeof moment);
+    rotated = dgfemi_multiply3(r, &moment);
+    rotated = dgfemi_multiply3(&rotated, rt);
+    dgfem_real diagonal = mu * dgfemi_trace(&moment);
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++)
+            k.m[a][b] = lambda * rotated.m[a][b] + mu * rotated.m[b][a] + (a == b ? diagonal : 0);
+    return k;
+}
+
+/* A face's form with today's rotations. */
+typedef struct dgfemi_warped_face {
+    const dgfemi_face_form *form;
+    int sides;                     /* functions of both sides */
+    const dgfem_real *stiff, *rest;
+    dgfem_mat3 penalty_stiff, penalty_rest;
+    dgfem_vec3 normal[2];          /* rotated with each side */
+    dgfem_vec3 held;               /* the direction held where it is only one: the normal at rest, fixed in space */
+    dgfem_real lambda[2], mu[2];   /* times -weight */
+    dgfem_vec3 traction[2][2 * DGFEM_MAX_BASIS][DGFEM_MAX_BASIS - 1]; /* q' of each side */
+} dgfemi_warped_face;
+
+/* s (a I + b N) */
+static dgfem_mat3 dgfemi_penalty_block(dgfem_real s, dgfem_real a, dgfem_real b, const dgfem_mat3 *n) {
+    dgfem_mat3 p;
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) p.m[i][j] = s * ((i == j ? a : 0) + b * n->m[i][j]);
+    return p;
+}
+
+static void dgfemi_warp_face_penalty(const dgfem_body *body, dgfemi_warped_face *face) {
+    const dgfemi_face_form *form = face->form;
+    int b = form->element[1] == DGFEM_NONE ? form->element[0] : form->element[1];
+    const dgfem_material *ma = &body->material[form->element[0]], *mb = &body->material[b];
+    dgfem_real mu = dgfemi_max(dgfemi_mu(ma), dgfemi_mu(mb));
+    dgfem_real lambda = dgfemi_max(dgfemi_lambda(ma), dgfemi_lambda(mb));
+    dgfem_mat3 n;
+    memset(&n, 0, sizeof n);
+    dgfemi_add_outer(&n, DGFEM_R(0.5), face->normal[0], face->normal[0]);
+    dgfemi_add_outer(&n, DGFEM_R(0.5), face->normal[1], face->normal[1]);
+    if (body->desc.penalty == DGFEM_PENALTY_SCALAR)
+        face->penalty_stiff = dgfemi_penalty_block(form->eta_stiff, lambda + 2 * mu, 0, &n);
+    else
+        face->penalty_stiff = dgfemi_penalty_block(form->eta_stiff, mu, lambda + mu, &n);
+    face->penalty_rest = dgfemi_penalty_block(form->eta_rest * mu, 1, 1, &n);
+    if (!form->normal_only) return;
+    memset(&n, 0, sizeof n);
+    dgfemi_add_outer(&n, 1, face->held, face->held);
+    face->penalty_stiff = dgfemi_penalty_block(form->eta_stiff, 0, lambda + 2 * mu, &n);
+    face->penalty_rest = dgfemi_penalty_block(form->eta_rest, 0, 2 * mu, &n);
+}
+
+static void dgfemi_warp_face(const dgfem_body *body, const dgfemi_face_form *form, const dgfem_mat3 *rotation,
+                             dgfemi_warped_face *face) {
+    const dgfem_forms *forms = body->forms;
+    dgfem_vec3 n = body->mesh->faces[form->face].normal;
+    face->form = form;
+    face->held = n;
+    face->sides = form->count[0] + form->count[1];
+    face->stiff = dgfemi_form_stiff(forms, form);
+    face->rest = dgfemi_form_rest(forms, form);
+    for (int s = 0; s < 2; s++) {
+        int element = form->element[s] == DGFEM_NONE ? form->element[0] : form->element[s];
+        const dgfem_mat3 *r = &rotation[element];
+        const dgfem_material *m = &body->material[element];
+        face->normal[s] = dgfemi_multiply(r, n);
+        face->lambda[s] = -form->weight * dgfemi_lambda(m);
+        face->mu[s] = -form->weight * dgfemi_mu(m);
+        if (!dgfemi_form_has_traction(form, s)) continue;
+        const dgfem_vec3 *q = dgfemi_form_traction(forms, form, s);
+        for (int i = 0; i < face->sides; i++)
+            for (int j = 0; j < form->count[s] - 1; j++) face->traction[s][i][j] = dgfemi_multiply(r, *q++);
+    }
+    dgfemi_warp_face_penalty(body, face);
+}
+
+/* K1'_ij: i counts the functions of both sides, j >= 1 those of side s. */
+static dgfem_mat3 dgfemi_consistency_block(const dgfemi_warped_face *face, int s, int i, int j) {
+    dgfem_mat3 k = dgfemi_elastic_block(face->lambda[s], face->mu[s], face->normal[s], face->traction[s][i][j - 1]);
+    if (!face->form->normal_only) return k;
+    dgfem_mat3 held;
+    memset(&held, 0, sizeof held);
+    dgfemi_add_outer(&held, 1, face->held, dgfemi_multiply_transposed(&k, face->held));
+    return held;
+}
+
+/* P_ij S_stiff + Q_ij S_rest: i and j count the functions of both sides. */
+static dgfem_mat3 dgfemi_jump_block(const dgfemi_warped_face *face, int i, int j) {
+    dgfem_real p = face->stiff[i * face->sides + j], q = face->rest[i * face->sides + j];
+    dgfem_mat3 k;
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) k.m[a][b] = p * face->penalty_stiff.m[a][b] + q * face->penalty_rest.m[a][b];
+    return k;
+}
+
+/* K'_ij of a face with i a function of side r and j one of side s (both counted within their side). */
+static dgfem_mat3 dgfemi_face_block(const dgfemi_warped_face *face, int r, int i, int s, int j) {
+    int row = r ? face->form->count[0] + i : i, column = s ? face->form->count[0] + j : j;
+    dgfem_mat3 k = dgfemi_jump_block(face, row, column);
+    if (j > 0 && dgfemi_form_has_traction(face->form, s)) {
+        dgfem_mat3 k1 = dgfemi_consistency_block(face, s, row, j);
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++) k.m[a][b] += k1.m[a][b];
+    }
+    if (i > 0 && dgfemi_form_has_traction(face->form, r)) {
+        dgfem_mat3 k1 = dgfemi_consistency_block(face, r, column, i);
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++) k.m[a][b] += k1.m[b][a];
+    }
+    return k;
+}
+
+/* ---- assembly ---- */
+
+/* out += s * a at row i, column j (in 3x3 blocks) of a row-major matrix with `columns` columns */
+static void dgfemi_add_block(dgfem_real *out, int columns, int i, int j, dgfem_real s, const dgfem_mat3 *a) {
+    dgfem_real *row = out + 3 * i * columns + 3 * j;
+    for (int p = 0; p < 3; p++, row += columns)
+        for (int q = 0; q < 3; q++) row[q] += s * a->m[p][q];
+}
+
+static void dgfemi_add_image(dgfem_vec3 *out, const dgfem_mat3 *a, dgfem_vec3 v) {
+    *out = dgfemi_add(*out, dgfemi_multiply(a, v));
+}
+
+static void dgfemi_assemble_element(const dgfem_body *body, int element, const dgfem_mat3 *r, dgfem_real s,
+                                    dgfem_matrix *matrix, dgfem_vec3 *f0) {
+    const dgfemi_element_form *form = &body->forms->elements[element];
+    const dgfem_real *g = dgfemi_form_stiffness(body->forms, element);
+    const dgfem_material *m = &body->material[element];
+    dgfem_real lambda = dgfemi_lambda(m), mu = dgfemi_mu(m);
+    dgfem_real *out = dgfem_matrix_block(matrix, element, element);
+    dgfem_mat3 rt = dgfemi_transposed(r);
+    dgfem_vec3 rest[3];
+    dgfemi_rotated_rest(r, body->scale[element], rest);
+    f0 += body->basis_start[element];
+    for (int i = 1; i < form->count; i++)
+        for (int j = 1; j < form->count; j++, g += 9) {
+            dgfem_mat3 k = dgfemi_element_block(g, lambda, mu, r, &rt);
+            dgfemi_add_block(out, 3 * form->count, i, j, s, &k);
+            if (j <= 3) dgfemi_add_image(&f0[i], &k, rest[j - 1]);
+        }
+}
+
+/* One of the four blocks of a face: rows of side r, columns of side s. */
+static void dgfemi_assemble_quadrant(const dgfemi_warped_face *face, int r, int s, dgfem_real scale,
+                                     dgfem_matrix *matrix) {
+    const dgfemi_face_form *form = face->form;
+    dgfem_real *out = dgfem_matrix_block(matrix, form->element[r], form->element[s]);
+    for (int i = 0; i < form->count[r]; i++)
+        for (int j = 0; j < form->count[s]; j++) {
+            dgfem_mat3 k = dgfemi_face_block(face, r, i, s, j);
+            dgfemi_add_block(out, 3 * form->count[s], i, j, scale, &k);
+        }
+}
+
+/* f0 of the consistency terms of side s, for the rows of both sides. */
+static void dgfemi_face_rest_force(const dgfem_body *body, const dgfemi_warped_face *face, int s,
+                                   const dgfem_mat3 *rotation, dgfem_vec3 *f0) {
+    const dgfemi_face_form *form = face->form;
+    dgfem_vec3 rest[3];
+    int element = form->element[s];
+    dgfemi_rotated_rest(&rotation[element], body->scale[element], rest);
+    for (int r = 0; r < 2 && form->element[r] != DGFEM_NONE; r++) {
+        dgfem_vec3 *out = f0 + body->basis_start[form->element[r]];
+        for (int i = 0; i < form->count[r]; i++)
+            for (int j = 1; j <= 3; j++) {
+                dgfem_mat3 k = dgfemi_consistency_block(face, s, r ? form->count[0] + i : i, j);
+                dgfemi_add_image(&out[i], &k, rest[j - 1]);
+            }
+    }
+}
+
+/* Right-hand side of a held face: minus the column of the ghost times the prescribed displacement. */
+static void dgfemi_held_force(const dgfem_body *body, const dgfemi_warped_face *face, dgfem_real load, dgfem_vec3 *f) {
+    const dgfemi_face_form *form = face->form;
+    const dgfem_vec3 *ghost = dgfemi_form_ghost(body->forms, form);
+    f += body->basis_start[form->element[0]];
+    for (int i = 0; i < form->count[0]; i++)
+        for (int j = 0; j < form->count[1]; j++) {
+            dgfem_mat3 k = dgfemi_face_block(face, 0, i, 1, j);
+            dgfemi_add_image(&f[i], &k, dgfemi_scale(-load, ghost[j]));
+        }
+}
+
+/* matrix = scale * K_w, f0 = warping's force plus `load` times the force of prescribed displacements. */
+static void dgfemi_assemble_stiffness(const dgfem_body *body, const dgfem_mat3 *rotation, dgfem_real scale, dgfem_real load,
+                            dgfem_matrix *matrix, dgfem_vec3 *f0) {
+    const dgfem_forms *forms = body->forms;
+    dgfemi_warped_face face;
+    dgfem_matrix_clear(matrix);
+    memset(f0, 0, (size_t)body->basis_count * sizeof *f0);
+    for (int e = 0; e < body->mesh->element_count; e++)
+        dgfemi_assemble_element(body, e, &rotation[e], scale, matrix, f0);
+    for (int f = 0; f < forms->face_count; f++) {
+        const dgfemi_face_form *form = &forms->faces[f];
+        dgfemi_warp_face(body, form, rotation, &face);
+        dgfemi_assemble_quadrant(&face, 0, 0, scale, matrix);
+        if (form->element[1] != DGFEM_NONE) {
+            dgfemi_assemble_quadrant(&face, 1, 1, scale, matrix);
+            int lower = form->element[1] > form->element[0];
+            dgfemi_assemble_quadrant(&face, lower, !lower, scale, matrix);
+        } else {
+            dgfemi_held_force(body, &face, load, f0);
+        }
+        for (int s = 0; s < 2 && body->desc.warp; s++)
+            if (dgfemi_form_has_traction(form, s)) dgfemi_face_rest_force(body, &face, s, rotation, f0);
+    }
+}
+
+/* Adds s * (mass matrix) to the diagonal blocks. */
+static void dgfemi_assemble_mass(const dgfem_body *body, dgfem_real s, dgfem_matrix *matrix) {
+    for (int e = 0; e < body->mesh->element_count; e++) {
+        const dgfemi_element_form *form = &body->forms->elements[e];
+        const dgfem_real *mass = dgfemi_form_mass(body->forms, e);
+        dgfem_real *out = dgfem_matrix_block(matrix, e, e), factor = s * body->material[e].density;
+        int n = form->count;
+        for (int i = 0; i < n; i++)
+            for (int j = 0; j < n; j++)
+                for (int a = 0; a < 3; a++) out[(3 * i + a) * 3 * n + 3 * j + a] += factor * mass[i * n + j];
+    }
+}
+
+/* out += s M v */
+static void dgfemi_add_mass_product(const dgfem_body *body, dgfem_real s, const dgfem_vec3 *v, dgfem_vec3 *out) {
+    for (int e = 0; e < body->mesh->element_count; e++) {
+        const dgfemi_element_form *form = &body->forms->elements[e];
+        const dgfem_real *mass = dgfemi_form_mass(body->forms, e);
+        dgfem_real factor = s * body->material[e].density;
+        int start = body->basis_start[e];
+        for (int i = 0; i < form->count; i++)
+            for (int j = 0; j < form->count; j++)
+                out[start + i] =
+                    dgfemi_add_scaled(out[start + i], factor * mass[i * form->count + j], v[start + j]);
+    }
+}
+
+/* ---- force and energy without a matrix ---- */
+
+/* U - (R - I) X0: the displacement seen in the rotated frame, turned back to world axes. */
+static void dgfemi_strained(const dgfem_body *body, int element, const dgfem_mat3 *r, dgfem_vec3 *out) {
+    const dgfem_vec3 *u = body->displacement + body->basis_start[element];
+    dgfem_vec3 rest[3];
+    dgfemi_rotated_rest(r, body->scale[element], rest);
+    for (int j = 0; j < body->forms->elements[element].count; j++)
+        out[j] = j >= 1 && j <= 3 ? dgfemi_sub(u[j], rest[j - 1]) : u[j];
+}
+
+/* Elastic energy of one element; adds its internal force K_w U - f0 where `force` is not NULL. */
+static dgfem_real dgfemi_element_energy(const dgfem_body *body, int element, const dgfem_mat3 *r, dgfem_vec3 *force) {
+    const dgfemi_element_form *form = &body->forms->elements[element];
+    const dgfem_real *g = dgfemi_form_stiffness(body->forms, element);
+    const dgfem_material *m = &body->material[element];
+    dgfem_real lambda = dgfemi_lambda(m), mu = dgfemi_mu(m), energy = 0;
+    dgfem_mat3 rt = dgfemi_transposed(r);
+    dgfem_vec3 strained[DGFEM_MAX_BASIS];
+    dgfemi_strained(body, element, r, strained);
+    for (int i = 1; i < form->count; i++) {
+        dgfem_vec3 sum = dgfemi_vec3(0, 0, 0);
+        for (int j = 1; j < form->count; j++, g += 9) {
+            dgfem_mat3 k = dgfemi_element_block(g, lambda, mu, r, &rt);
+            dgfemi_add_image(&sum, &k, strained[j]);
+        }
+        energy += dgfemi_dot(strained[i], sum) / 2;
+        if (force) force[body->basis_start[element] + i] = dgfemi_add(force[body->basis_start[element] + i], sum);
+    }
+    return energy;
+}
+
+/* The same of one face. With U the displacement and U' its strained part (the ghost's is U itself):
+   force = K3 U + K1' U' + K1'^T U, energy = U.K3 U / 2 + U.K1' U'. */
+static dgfem_real dgfemi_face_energy(const dgfem_body *body, const dgfemi_warped_face *face, const dgfem_mat3 *rotation,
+                                     dgfem_vec3 *force) {
+    const dgfemi_face_form *form = face->form;
+    dgfem_vec3 strained[2][DGFEM_MAX_BASIS];
+    const dgfem_vec3 *u[2];
+    dgfem_real energy = 0;
+    for (int s = 0; s < 2; s++) {
+        int e = form->element[s];
+        u[s] = e == DGFEM_NONE ? dgfemi_form_ghost(body->forms, form) : body->displacement + body->basis_start[e];
+        if (e != DGFEM_NONE) dgfemi_strained(body, e, &rotation[e], strained[s]);
+    }
+    for (int r = 0; r < 2; r++)
+        for (int i = 0; i < form->count[r]; i++) {
+            dgfem_vec3 penalty = dgfemi_vec3(0, 0, 0), traction = penalty, adjoint = penalty;
+            for (int s = 0; s < 2; s++)
+                for (int j = 0; j < form->count[s]; j++) {
+                    int row = r ? form->count[0] + i : i, column = s ? form->count[0] + j : j;
+                    dgfem_mat3 k = dgfemi_jump_block(face, row, column);
+                    dgfemi_add_image(&penalty, &k, u[s][j]);
+                    if (j > 0 && dgfemi_form_has_traction(form, s)) {
+                        k = dgfemi_consistency_block(face, s, row, j);
+                        dgfemi_add_image(&traction, &k, strained[s][j]);
+                    }
+                    if (i > 0 && dgfemi_form_has_traction(form, r)) {
+                        k = dgfemi_consistency_block(face, r, column, i);
+                        adjoint = dgfemi_add(adjoint, dgfemi_multiply_transposed(&k, u[s][j]));
+                    }
+                }
+            energy += dgfemi_dot(u[r][i], dgfemi_add_scaled(traction, DGFEM_R(0.5), penalty));
+            if (force && form->element[r] != DGFEM_NONE) {
+                dgfem_vec3 *out = &force[body->basis_start[form->element[r]] + i];
+                *out = dgfemi_add(*out, dgfemi_add(penalty, dgfemi_add(traction, adjoint)));
+            }
+        }
+    return energy;
+}
+
+static dgfem_real dgfemi_elastic_energy(const dgfem_body *body, const dgfem_mat3 *rotation, dgfem_vec3 *force) {
+    dgfemi_warped_face face;
+    dgfem_real energy = 0;
+    for (int e = 0; e < body->mesh->element_count; e++)
+        energy += dgfemi_element_energy(body, e, &rotation[e], force);
+    for (int f = 0; f < body->forms->face_count; f++) {
+        dgfemi_warp_face(body, &body->forms->faces[f], rotation, &face);
+        energy += dgfemi_face_energy(body, &face, rotation, force);
+    }
+    return energy;
+}

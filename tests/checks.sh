@@ -1,0 +1,393 @@
+#!/bin/sh
+# Checks of the repository and of the headers as a user compiles them, reported in cmocka's form.
+#
+#   checks.sh headers            the committed headers are what src/ gives
+#   checks.sh packer             the packer refuses what it must refuse
+#   checks.sh matrix COMPILER    every header compiles without warning: declarations, implementation, static; both reals
+#   checks.sh symbols            external symbols and macros carry the prefix; the two precisions do not link together
+#   checks.sh failing            a failing check, a crash and a silent program make a run fail
+#   checks.sh readme             the programs in the README and in the manual compile as printed and run
+#   checks.sh examples           the examples run, print what they promise, and refuse bad input in one line
+#
+# Run it from the top of the repository. Needs build/gen/* and build/examples/*.
+set -u
+export LC_ALL=C
+work=$(mktemp -d) || exit 1
+trap 'rm -rf "$work"' EXIT
+gcc=${CC:-gcc}
+: "${MOMENTS:=$(sed -n 's/^MOMENTS := //p' Makefile)}"
+warnings='-Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wdouble-promotion -Werror'
+products=$(ls dgfem.h dgfem_*.h 2> /dev/null)
+passed=0
+failed=0
+
+# check NAME COMMAND...: one test; the command's output is shown where it fails.
+check() {
+    title=$1
+    shift
+    echo "[ RUN      ] $title"
+    if "$@" > "$work/log" 2>&1; then
+        echo "[       OK ] $title"
+        passed=$((passed + 1))
+    else
+        head -n 40 "$work/log"
+        echo "[  FAILED  ] $title"
+        failed=$((failed + 1))
+    fi
+}
+
+finish() {
+    echo "[  PASSED  ] $passed test(s)."
+    [ "$failed" = 0 ] && exit 0
+    echo "[  FAILED  ] $failed test(s), listed above"
+    exit 1
+}
+
+# ---- headers ----
+
+is_current() {
+    mkdir -p "$work/packed"
+    build/gen/moments_gen $MOMENTS > "$work/moments_generated.c" &&
+        cmp "$work/moments_generated.c" src/dgfem/moments_generated.c &&
+        build/gen/pack src "$work/packed" > /dev/null || return 1
+    for umbrella in src/*.in.h; do
+        product=$(basename "$umbrella" .in.h).h
+        cmp "$work/packed/$product" "$product" || return 1
+    done
+}
+
+check_headers() {
+    check "the committed headers are what src/ gives (else: make headers)" is_current
+}
+
+# ---- packer ----
+
+small_sources() {
+    rm -rf "$work/src" "$work/out"
+    mkdir -p "$work/src/lib" "$work/out"
+    {
+        printf '/* Manual.\n   #include "no.h" */\n#ifndef A\n#include "lib/a.h"\n#endif\n'
+        printf '#ifdef B\n#include "lib/b.c"\n#endif\n'
+    } > "$work/src/lib.in.h"
+    printf '#pragma once\n#include <math.h>\n/* Part a. More. */\nint a;\n' > "$work/src/lib/a.h"
+    printf '#pragma once\n#include "a.h"\n/* Part b. */\nstatic const char *b = "/*";\n' > "$work/src/lib/b.c"
+}
+
+packs() {
+    small_sources
+    build/gen/pack "$work/src" "$work/out" && cat "$work/out/lib.h" &&
+        grep -q '<math.h>' "$work/out/lib.h" && grep -q '==== b.c ====' "$work/out/lib.h" &&
+        ! grep -q 'pragma\|"a.h"\|"lib/' "$work/out/lib.h"
+}
+
+# refuses FILE TEXT MESSAGE: with TEXT appended to FILE, packing fails, says MESSAGE and writes nothing.
+refuses() {
+    small_sources
+    # shellcheck disable=SC2059
+    printf "$2" >> "$work/src/$1"
+    build/gen/pack "$work/src" "$work/out" > "$work/said" 2>&1 && return 1
+    cat "$work/said"
+    grep -q "$3" "$work/said" && [ -z "$(ls "$work/out")" ]
+}
+
+refuses_missing() {
+    small_sources
+    rm "$work/src/lib/b.c"
+    build/gen/pack "$work/src" "$work/out" > "$work/said" 2>&1 && return 1
+    grep -q 'lib.in.h:7: part "lib/b.c" is missing' "$work/said"
+}
+
+check_packer() {
+    check "packs" packs
+    check "refuses a missing part" refuses_missing
+    check "refuses CR" refuses lib/b.c 'int c;\r\n' 'lib/b.c:5: carriage return'
+    check "refuses trailing blanks" refuses lib/b.c 'int c; \n' 'lib/b.c:5: trailing blank'
+    check "refuses tabs" refuses lib/b.c '\tint c;\n' 'lib/b.c:5: tab'
+    check "refuses other bytes" refuses lib/b.c '/* \303\274 */\n' 'lib/b.c:5: byte 0xc3'
+    check "refuses #if without #endif" refuses lib/b.c '\n#if 1\n' 'lib/b.c:6: #if without #endif'
+    check "refuses #endif without #if" refuses lib/b.c '#endif\n' 'lib/b.c:5: #endif without #if'
+    check "refuses an open comment" refuses lib/b.c '/*\n' 'lib/b.c: a comment is left open'
+    check "refuses a missing line feed" refuses lib/b.c 'int c;' 'lib/b.c:5: no line feed'
+    check "refuses an unlisted part" refuses lib/c.c '/* Part c. */\n' 'lib/c.c: no umbrella lists it'
+    check "refuses an unlisted include" refuses lib/b.c '#include "d.h"\n' '"lib/d.h" is not listed'
+    check "refuses an include of a later part" refuses lib/a.h '#include "b.c"\n' '"lib/b.c" does not stand above'
+    check "refuses a part listed twice" refuses lib.in.h '#include "lib/a.h"\n' '"lib/a.h" is listed twice'
+}
+
+# ---- compile matrix ----
+
+# compiles COMPILER FLAGS... : three ways to use each header. Optimization finds more to warn about, and takes longer:
+# the implementation alone is worth it.
+compiles() {
+    for product in $products; do
+        printf '#include "%s"\n#include "%s"\nint used;\n' "$product" "$product" > "$work/declare.src"
+        printf '#define DGFEM_STATIC\n#define DGFEM_IMPLEMENTATION\n#include "%s"\nint used;\n' "$product" \
+            > "$work/static.src"
+        printf '#include "%s"\n#define DGFEM_IMPLEMENTATION\n#include "%s"\n#include "%s"\n' "$product" "$product" \
+            "$product" > "$work/implement.src"
+        "$@" $warnings -I. -O0 -c -o "$work/object.o" "$work/declare.src" &&
+            "$@" $warnings -I. -O0 -fsyntax-only "$work/static.src" &&
+            "$@" $warnings -I. -c -o "$work/object.o" "$work/implement.src" || return 1
+    done
+}
+
+check_matrix() {
+    compiler=$1
+    if ! command -v "$compiler" > /dev/null; then
+        echo "[  SKIPPED ] $compiler is not installed"
+        check "no $compiler here" true
+        return
+    fi
+    case $compiler in
+        gcc) language='-x c -std=c99 -O2' ;;
+        *++) language='-x c++ -std=c++11 -O0' ;;
+        *) language='-x c -std=c99 -O0' ;;
+    esac
+    for real in double float; do
+        # shellcheck disable=SC2086
+        check "$compiler $language $real" compiles "$compiler" $language "-DDGFEM_REAL=$real"
+    done
+}
+
+# ---- symbols and macros ----
+
+implementation() {
+    for product in $products; do printf '#define DGFEM_IMPLEMENTATION\n#include "%s"\n' "$product"; done
+}
+
+symbols_have_prefix() {
+    implementation > "$work/a.c"
+    "$gcc" -std=c99 "-DDGFEM_REAL=$1" -I. -c -o "$work/$1.o" "$work/a.c" || return 1
+    nm -g --defined-only "$work/$1.o" | awk '$3 !~ /^dgfem_/ { print "external symbol", $3; bad = 1 }
+        END { if (NR < 10) print "only", NR, "symbols"; exit bad || NR < 10 }'
+}
+
+# Prints the names of all macros that are defined at the end of a source.
+macros() { "$gcc" -std=c99 "-DDGFEM_REAL=$1" -I. -dM -E "$2" | sed 's/^#define \([A-Za-z0-9_]*\).*/\1/' | sort -u; }
+
+macros_have_prefix() {
+    implementation > "$work/with.c"
+    grep -h '^#include <' $products | awk '!seen[$0]++' > "$work/without.c"
+    macros "$1" "$work/with.c" > "$work/with"
+    macros "$1" "$work/without.c" > "$work/without"
+    allowed='^DGFEM_'
+    [ "$1" = float ] && allowed='^DGFEM_\|^dgfem_[a-z0-9_]*create[a-z0-9_]*$'
+    comm -23 "$work/with" "$work/without" > "$work/left"
+    [ -s "$work/left" ] && ! grep -v "$allowed" "$work/left"
+}
+
+# A DGFEM_STATIC build has no external symbol.
+static_is_static() {
+    { echo '#define DGFEM_STATIC'; implementation; echo 'int used;'; } > "$work/a.c"
+    "$gcc" -std=c99 $warnings -I. -c -o "$work/a.o" "$work/a.c" &&
+        [ "$(nm -g --defined-only "$work/a.o" | awk '{ print $3 }')" = used ]
+}
+
+# Each creating function that code compiled for one precision calls is not there in the other's library.
+precisions_do_not_link() {
+    sed -n 's/.*[ *]\(dgfem_[a-z0-9_]*_create[a-z0-9_]*\)(.*/\1/p' $products | sort -u > "$work/creating"
+    for product in $products; do echo "#include \"$product\""; done > "$work/user.c"
+    echo 'typedef void (*any)(void); any used[] = {' >> "$work/user.c"
+    sed 's/.*/(any)&,/' "$work/creating" >> "$work/user.c"
+    echo '0}; int main(void) { return !used[0]; }' >> "$work/user.c"
+    implementation > "$work/a.c"
+    for real in double float; do
+        "$gcc" -std=c99 "-DDGFEM_REAL=$real" -I. -c -o "$work/user_$real.o" "$work/user.c" || return 1
+        "$gcc" -std=c99 "-DDGFEM_REAL=$real" -I. -c -o "$work/$real.o" "$work/a.c" || return 1
+        "$gcc" -o "$work/same" "$work/user_$real.o" "$work/$real.o" -lm || return 1
+        "$work/same" || return 1
+    done
+    for pair in "user_double float" "user_float double"; do
+        # shellcheck disable=SC2086
+        set -- $pair
+        "$gcc" -o "$work/mixed" "$work/$1.o" "$work/$2.o" -lm > "$work/mixed.log" 2>&1 && return 1
+        while read -r name; do
+            grep -q "undefined reference to .${name}[_'\`]" "$work/mixed.log" || { echo "$pair: $name links"; return 1; }
+        done < "$work/creating"
+    done
+    [ -s "$work/creating" ]
+}
+
+check_symbols() {
+    for real in double float; do
+        check "external symbols start with dgfem_ ($real)" symbols_have_prefix $real
+        check "macros start with DGFEM_ ($real)" macros_have_prefix $real
+    done
+    check "DGFEM_STATIC leaves no external symbol" static_is_static
+    check "float and double do not link together" precisions_do_not_link
+}
+
+# ---- a run that fails ----
+
+failing_run_fails() {
+    cat > "$work/failing.c" << 'END'
+#include "dgfem.h"
+#include "check.h"
+static void passes(void **state) { (void)state; }
+static void fails(void **state) { (void)state; check_near(sqrt(-1.0), 0, 1e300); }
+int main(void) {
+    const struct CMUnitTest tests[] = {cmocka_unit_test(passes), cmocka_unit_test(fails)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
+END
+    "$gcc" -std=c99 -I. -Itests -w -DDGFEM_IMPLEMENTATION -o "$work/failing" "$work/failing.c" -lcmocka -lm || return 1
+    sh tests/run.sh "$work/failing" > "$work/said" 2>&1 && return 1
+    cat "$work/said"
+    [ "$(tail -n 1 "$work/said")" = "1 passed, 1 failed" ]
+}
+
+# run.sh counts one failure for a command that cannot count for itself.
+bad_command_fails() {
+    sh tests/run.sh "$1" > "$work/said" 2>&1 && return 1
+    cat "$work/said"
+    [ "$(tail -n 1 "$work/said")" = "0 passed, 1 failed" ]
+}
+
+check_failing() {
+    check "a check that meets NaN makes the run fail" failing_run_fails
+    check "a crash makes the run fail" bad_command_fails "sh -c kill\${IFS}-SEGV\${IFS}\$\$"
+    check "a silent program makes the run fail" bad_command_fails true
+    check "a missing program makes the run fail" bad_command_fails build/tests/no_such_program
+}
+
+# ---- README ----
+
+# The first block fenced as c, and the first fenced as text behind it (its output).
+readme_block() { awk -v fence="\`\`\`$1" '$0 == "```" { if (on) exit } on { print } $0 == fence { on = 1 }' README.md; }
+
+readme_program_runs() {
+    readme_block c > "$work/readme.c"
+    readme_block text > "$work/expected"
+    [ -s "$work/readme.c" ] && [ -s "$work/expected" ] || { echo "README.md: no program or no output"; return 1; }
+    # shellcheck disable=SC2086
+    "$gcc" -std=c99 $warnings -I. -o "$work/readme" "$work/readme.c" -lm && "$work/readme" > "$work/output" &&
+        diff "$work/expected" "$work/output"
+}
+
+# The indented block under "A WHOLE PROGRAM" at the top of a header.
+manual_program() { awk '/^   [A-Z]/ { on = $0 == "   A WHOLE PROGRAM"; next } on { print substr($0, 8) }' "$1"; }
+
+manual_program_runs() {
+    manual_program dgfem.h > "$work/manual.c"
+    # shellcheck disable=SC2086
+    "$gcc" "-DDGFEM_REAL=$1" -std=c99 $warnings -I. -o "$work/manual" "$work/manual.c" -lm && "$work/manual"
+}
+
+check_readme() {
+    check "the README's program compiles as printed and prints what it says" readme_program_runs
+    check "the manual's program compiles as printed and runs" manual_program_runs double
+    check "the manual's program compiles as printed and runs in float" manual_program_runs float
+}
+
+# ---- examples ----
+
+# prints_keys KEYS COMMAND...: the lines of its output begin with these words, each with a finite number behind it.
+prints_keys() {
+    keys=$1
+    shift
+    "$@" > "$work/output" || return 1
+    cat "$work/output"
+    [ "$(awk '{ print $1 }' "$work/output" | tr '\n' ' ')" = "$keys " ] &&
+        awk 'NF != 2 || $2 + 0 != $2 || $2 ~ /[a-df-z]/ { exit 1 }' "$work/output"
+}
+
+# value KEY: from the last output.
+value() { awk -v key="$1" '$1 == key { print $2 }' "$work/output"; }
+
+# near A B TOLERANCE, relative to B.
+near() {
+    awk -v a="$1" -v b="$2" -v t="$3" 'BEGIN { d = a - b; if (d < 0) d = -d; if (b < 0) b = -b; exit !(d <= t * b) }'
+}
+
+slice_keys='triangles elements faces_interior faces_boundary surface_volume mesh_volume surface_area mesh_area'
+slice_keys="$slice_keys slivers_merged milliseconds"
+
+octahedron() {
+    printf 'v %s\n' '1 0 0' '-1 0 0' '0 1 0' '0 -1 0' '0 0 1' '0 0 -1'
+    printf 'f %s\n' '1 3 5' '3 2 5' '2 4 5' '4 1 5' '3 1 6' '2 3 6' '4 2 6'
+    [ "$1" = closed ] && echo 'f 1 4 6'
+}
+
+slices_octahedron() {
+    octahedron closed > "$work/octahedron.obj"
+    prints_keys "$slice_keys" build/examples/slice "$work/octahedron.obj" --cells 5 --obj "$work/out.obj" \
+        --vtu "$work/out.vtu" || return 1
+    near "$(value surface_volume)" 1.3333333333333333 1e-12 && near "$(value mesh_volume)" 1.3333333333333333 1e-12 &&
+        near "$(value mesh_area)" 6.9282032302755088 1e-12 && [ "$(value triangles)" = 8 ] &&
+        [ -s "$work/out.obj" ] && [ -s "$work/out.vtu" ] || return 1
+    # What it wrote is closed again.
+    prints_keys "$slice_keys" build/examples/slice "$work/out.obj" --cells 2 || return 1
+    near "$(value mesh_volume)" 1.3333333333333333 1e-12
+}
+
+# refuses_model WHAT: exit 1 and one line with the name of the file and a number (of the offender).
+refuses_model() {
+    build/examples/slice "$1" > "$work/output" 2> "$work/errors"
+    [ $? = 1 ] || { echo "exit status is not 1"; return 1; }
+    cat "$work/output" "$work/errors"
+    [ "$(cat "$work/output" "$work/errors" | wc -l)" = 1 ] && grep -q "$(basename "$1")" "$work/errors"
+}
+
+refuses_open() {
+    octahedron open > "$work/open.obj"
+    refuses_model "$work/open.obj" && grep -q 'edge' "$work/errors" && grep -q 'not closed' "$work/errors"
+}
+
+refuses_inside_out() {
+    octahedron closed | awk '$1 == "f" { print "f", $2, $4, $3; next } { print }' > "$work/turned.obj"
+    refuses_model "$work/turned.obj" && grep -q 'inside out' "$work/errors"
+}
+
+refuses_empty() { : > "$work/empty.obj" && refuses_model "$work/empty.obj" && refuses_model "$work/absent.obj"; }
+
+# refuses_option COMMAND...: exit 2 for an argument that is not understood.
+refuses_option() {
+    "$@" > "$work/output" 2> "$work/errors"
+    [ $? = 2 ] && grep -q usage "$work/errors"
+}
+
+# refuses_value COMMAND...: exit 1 and one line.
+refuses_value() {
+    "$@" > "$work/output" 2> "$work/errors"
+    [ $? = 1 ] || { echo "exit status is not 1"; return 1; }
+    cat "$work/errors"
+    [ "$(wc -l < "$work/errors")" = 1 ]
+}
+
+beam_keys='elements dofs tip_x tip_y tip_z energy iterations milliseconds_assemble milliseconds_solve'
+
+runs_beam() {
+    prints_keys "$beam_keys" build/examples/beam --static --vtu "$work/beam.vtu" && [ -s "$work/beam.vtu" ] &&
+        [ "$(value elements)" = 32 ] && [ "$(value dofs)" = 384 ] && near "$(value tip_x)" -0.2858 2e-4 &&
+        near "$(value tip_z)" -1.4375 1e-4
+}
+
+runs_bunny() {
+    mkdir "$work/frames" && build/examples/bunny --out "$work/frames" --seconds 0.1 &&
+        [ -s "$work/frames/skin_0000.obj" ] && [ -s "$work/frames/elements_0000.vtu" ]
+}
+
+check_examples() {
+    check "hello runs" build/examples/hello
+    check "beam prints its keys, and the tip of the reference" runs_beam
+    check "beam refuses an unknown option" refuses_option build/examples/beam --bogus 1
+    check "beam refuses Poisson's ratio 0.5" refuses_value build/examples/beam --static --poisson 0.5
+    check "beam refuses density 0" refuses_value build/examples/beam --static --density 0
+    check "beam refuses dt 0" refuses_value build/examples/beam --steps 1 --dt 0
+    check "slice prints its keys, and exact measures" slices_octahedron
+    check "slice refuses an open surface and names the edge" refuses_open
+    check "slice refuses a surface that is inside out" refuses_inside_out
+    check "slice refuses empty and absent files" refuses_empty
+    check "bunny runs with its own shape" runs_bunny
+}
+
+what=${1:-}
+case $what in
+    headers | packer | symbols | failing | readme | examples) "check_$what" ;;
+    matrix) check_matrix "$2" ;;
+    *)
+        sed -n '2,/^$/s/^# \{0,1\}//p' "$0"
+        exit 2
+        ;;
+esac
+finish
