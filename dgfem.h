@@ -190,8 +190,7 @@
    ordering.c         Fill-reducing orderings of the blocks: minimum degree and geometric nested dissection.
    cholesky.c         Sparse Cholesky factorization A = L L^T of matrices in blocks: symbolic analysis, multifrontal
                       factorization, solves.
-   pcg.c              Preconditioned conjugate gradients with block-Jacobi: M = the diagonal blocks, each factored by
-                      dense Cholesky.
+   pcg.c              Conjugate gradients, preconditioned by the inverse diagonal blocks.
    locate.c           Which element of a mesh contains a point, or is nearest to it: winding numbers of elements,
                       distances of faces, and buckets of element boxes that keep the search short.
    embed.c            Embedding of points in a body by moving least squares (MLS), eq.
@@ -776,7 +775,7 @@ typedef struct dgfem_static_desc {
     unsigned cookie;
     int load_steps;         /* default 1 */
     int max_sweeps;         /* per load step; default 60 */
-    dgfem_real tolerance;   /* on the change of the displacement relative to its size; default 1e-9 (float: 1e-5) */
+    dgfem_real tolerance;   /* on the change of the displacement relative to its size; default 1e-9 (float: 1e-4) */
 } dgfem_static_desc;
 
 /* Where points sit in a body: a linear operator from coefficients to displacements of points, by moving least squares
@@ -6275,30 +6274,42 @@ static dgfem_status dgfemi_join_loops(dgfemi_joiner *joiner, dgfemi_segments *se
 
 static int dgfemi_join_loop_count(const dgfemi_joiner *joiner) { return joiner->start.count - 1; }
 
-/* Twice the area of a loop in the coordinates u, v. */
-static dgfem_real dgfemi_join_area(const dgfemi_joiner *joiner, int loop) {
+/* Twice the area of a loop in the coordinates u, v; *noise: what round-off may have done to it. */
+static dgfem_real dgfemi_join_area(const dgfemi_joiner *joiner, int loop, dgfem_real *noise) {
     const int *vertices = joiner->vertices.data + joiner->start.data[loop];
     int count = joiner->start.data[loop + 1] - joiner->start.data[loop], i;
-    dgfem_real u = dgfemi_join_u(joiner, vertices[0]), v = dgfemi_join_v(joiner, vertices[0]), sum = 0;
-    dgfem_real au = dgfemi_join_u(joiner, vertices[1]) - u, av = dgfemi_join_v(joiner, vertices[1]) - v;
-    for (i = 2; i < count; i++) {
+    dgfem_real u = dgfemi_join_u(joiner, vertices[0]), v = dgfemi_join_v(joiner, vertices[0]);
+    dgfem_real size = dgfemi_max(dgfemi_abs(u), dgfemi_abs(v)), length = 0, sum = 0, au = 0, av = 0;
+    for (i = 1; i < count; i++) {
         dgfem_real bu = dgfemi_join_u(joiner, vertices[i]) - u, bv = dgfemi_join_v(joiner, vertices[i]) - v;
         sum += au * bv - av * bu;
+        length += dgfemi_abs(bu - au) + dgfemi_abs(bv - av);
         au = bu, av = bv;
     }
+    *noise = 16 * DGFEM_EPSILON * (size + length) * length;
     return sum;
 }
 
-/* The loop that a ray from the hole's vertex of smallest u towards smaller u meets first. What bounds the region there
-   has it on the side of larger u and so runs towards smaller v. DGFEM_NONE when there is none.
+/* Where edge a -> b crosses the line of height v, and whether downwards. 0 when it does not. */
+static int dgfemi_join_cross(const dgfemi_joiner *joiner, int a, int b, dgfem_real v, dgfem_real *at, int *down) {
+    dgfem_real va = dgfemi_join_v(joiner, a), vb = dgfemi_join_v(joiner, b), ua = dgfemi_join_u(joiner, a);
+    if ((va > v) == (vb > v)) return 0;
+    *down = va > v;
+    *at = ua + (v - va) / (vb - va) * (dgfemi_join_u(joiner, b) - ua);
+    return 1;
+}
+
+/* The loop that a ray from this loop's vertex of smallest u towards smaller u meets first. An edge that bounds the
+   region there has it on the side of larger u and so runs down, towards smaller v. For a loop that is known to be a hole
+   only such edges count; any other loop is a hole if the first edge of all is such a one. DGFEM_NONE: no hole.
 
           |   region    +---+
           v  <----------+   |  hole
           |             +---+                                                                     */
-static int dgfemi_join_hole_neighbour(const dgfemi_joiner *joiner, int hole) {
+static int dgfemi_join_hole_neighbour(const dgfemi_joiner *joiner, int hole, int known) {
     const int *vertices = joiner->vertices.data, *start = joiner->start.data;
-    int extreme = vertices[start[hole]], nearest = DGFEM_NONE, loop, i;
-    dgfem_real u, v, best = 0;
+    int extreme = vertices[start[hole]], nearest = DGFEM_NONE, nearest_down = 0, loop, i, down;
+    dgfem_real u, v, at, best = 0;
     for (i = start[hole]; i < start[hole + 1]; i++)
         if (dgfemi_join_u(joiner, vertices[i]) < dgfemi_join_u(joiner, extreme)) extreme = vertices[i];
     u = dgfemi_join_u(joiner, extreme), v = dgfemi_join_v(joiner, extreme);
@@ -6306,20 +6317,17 @@ static int dgfemi_join_hole_neighbour(const dgfemi_joiner *joiner, int hole) {
         int a, b = vertices[start[loop + 1] - 1];
         if (loop == hole) continue;
         for (i = start[loop]; i < start[loop + 1]; i++) {
-            dgfem_real va, vb, ua, at;
             a = b, b = vertices[i];
-            va = dgfemi_join_v(joiner, a), vb = dgfemi_join_v(joiner, b);
-            if (!(va > v && vb <= v)) continue;
-            ua = dgfemi_join_u(joiner, a);
-            at = ua + (v - va) / (vb - va) * (dgfemi_join_u(joiner, b) - ua);
-            if (at <= u && (nearest == DGFEM_NONE || at > best)) nearest = loop, best = at;
+            if (!dgfemi_join_cross(joiner, a, b, v, &at, &down) || (known && !down)) continue;
+            if (at <= u && (nearest == DGFEM_NONE || at > best)) nearest = loop, nearest_down = down, best = at;
         }
     }
-    return nearest;
+    return nearest_down ? nearest : DGFEM_NONE;
 }
 
-/* Fills joiner->owner: a loop that runs counter-clockwise owns itself, a hole belongs to its neighbour's owner. A hole
-   without one, which takes round-off or a surface that crosses itself, becomes a region of its own. */
+/* Fills joiner->owner: a loop that runs counter-clockwise owns itself, a hole belongs to its neighbour's owner. A loop
+   without area is a slit or a speck, by its surroundings. A hole without neighbour, which takes round-off or a surface
+   that crosses itself, becomes a region of its own. */
 static dgfem_status dgfemi_join_regions(dgfemi_joiner *joiner) {
     int count = dgfemi_join_loop_count(joiner), loop, steps, *owner;
     joiner->owner.count = 0;
@@ -6327,11 +6335,12 @@ static dgfem_status dgfemi_join_regions(dgfemi_joiner *joiner) {
         if (!dgfemi_push(&joiner->mesh->hooks, &joiner->owner, loop)) return DGFEM_ERROR_MEMORY;
     if (count < 2) return DGFEM_OK;
     owner = joiner->owner.data;
-    for (loop = 0; loop < count; loop++)
-        if (dgfemi_join_area(joiner, loop) < 0) {
-            int neighbour = dgfemi_join_hole_neighbour(joiner, loop);
-            if (neighbour != DGFEM_NONE) owner[loop] = neighbour;
-        }
+    for (loop = 0; loop < count; loop++) {
+        dgfem_real noise, area = dgfemi_join_area(joiner, loop, &noise);
+        if (area > noise) continue;
+        owner[loop] = dgfemi_join_hole_neighbour(joiner, loop, area < -noise);
+        if (owner[loop] == DGFEM_NONE) owner[loop] = loop;
+    }
     for (loop = 0; loop < count; loop++) {
         int root = loop;
         for (steps = 0; owner[root] != root && steps < count; steps++) root = owner[root];
@@ -9217,6 +9226,14 @@ DGFEM_API dgfem_real *dgfem_matrix_block(const dgfem_matrix *matrix, int row, in
     return matrix->column[low] == column ? matrix->values + matrix->value_start[low] : NULL;
 }
 
+/* The index of the first number that is NaN or infinite, or DGFEM_NONE. */
+static int dgfemi_vector_not_finite(int count, const dgfem_real *x) {
+    int i;
+    for (i = 0; i < count; i++)
+        if (!dgfemi_is_finite(x[i])) return i;
+    return DGFEM_NONE;
+}
+
 /* ---- product ---- */
 
 /* Both kernels treat a block in strips of 12, 3 and 1 columns: all loops over a strip have a constant length and its
@@ -10621,10 +10638,10 @@ static void dgfemi_make_nodes(dgfemi_analysis *a) {
    few more zeros. The limits are by measurement. */
 static int dgfemi_worth_merging(double width, double height, double zeros) {
     double entries = width * (width + 1) / 2 + width * height;
-    if (width <= 24) return 1;
-    if (width <= 48) return zeros < 0.3 * entries;
+    if (width <= 16) return 1;
+    if (width <= 48) return zeros < 0.2 * entries;
     if (width <= 96) return zeros < 0.1 * entries;
-    return zeros < 0.05 * entries;
+    return zeros < 0.03 * entries;
 }
 
 static int dgfemi_try_merging(dgfemi_analysis *a, int child, int parent) {
@@ -11110,20 +11127,19 @@ static void dgfemi_solve(const dgfem_cholesky *c, const dgfem_real *b, dgfem_rea
 }
 
 DGFEM_API dgfem_status dgfem_cholesky_solve(const dgfem_cholesky *c, const dgfem_real *b, dgfem_real *x) {
-    int i;
+    int bad;
     if (!c) return DGFEM_ERROR_ARGUMENT;
     if (!b || !x) return dgfemi_fail(&c->hooks, DGFEM_ERROR_ARGUMENT, "cholesky: b or x is NULL");
     if (!c->factored) return dgfemi_fail(&c->hooks, DGFEM_ERROR_ARGUMENT, "cholesky: no factorization to solve with");
-    for (i = 0; i < c->size; i++)
-        if (!dgfemi_is_finite(b[i])) return dgfemi_fail(&c->hooks, DGFEM_ERROR_NOT_FINITE, "cholesky: b[%d]", i);
+    bad = dgfemi_vector_not_finite(c->size, b);
+    if (bad != DGFEM_NONE) return dgfemi_fail(&c->hooks, DGFEM_ERROR_NOT_FINITE, "cholesky: b[%d]", bad);
     dgfemi_solve(c, b, x);
     return DGFEM_OK;
 }
 
 /* ==== pcg.c ======================================================================================================= */
 
-/* Preconditioned conjugate gradients with block-Jacobi: M = the diagonal blocks, each factored by dense Cholesky. The
-   residual is measured in the norm of M^-1, the one that conjugate gradients compute anyway. */
+/* Conjugate gradients, preconditioned by the inverse diagonal blocks. */
 
 DGFEM_API dgfem_pcg_desc dgfem_default_pcg_desc(void) {
     dgfem_pcg_desc desc;
@@ -11134,125 +11150,243 @@ DGFEM_API dgfem_pcg_desc dgfem_default_pcg_desc(void) {
     return desc;
 }
 
-DGFEM_API size_t dgfem_pcg_work_size(const dgfem_matrix *matrix) {
-    size_t size = 5 * (size_t)matrix->size;
-    for (int r = 0; r < matrix->block_count; r++) {
-        size_t n = (size_t)dgfemi_block_size(matrix, r);
-        size += n * n;
+/* ---- vectors ---- */
+
+/* In chunks of a fixed length, so that the sum does not depend on who adds up which chunk; in double, so that no
+   squares vanish in single precision. */
+static double dgfemi_vector_dot(int count, const dgfem_real *x, const dgfem_real *y) {
+    enum { CHUNK = 1024 };
+    double total = 0;
+    int first, i, k;
+    for (first = 0; first < count; first += CHUNK) {
+        int last = count - first < CHUNK ? count : first + CHUNK;
+        double sum[4] = {0};
+        for (i = first; i + 4 <= last; i += 4)
+            for (k = 0; k < 4; k++) sum[k] += (double)x[i + k] * (double)y[i + k];
+        for (; i < last; i++) sum[0] += (double)x[i] * (double)y[i];
+        total += (sum[0] + sum[1]) + (sum[2] + sum[3]);
     }
-    return size;
+    return total;
 }
 
-/* Factors of all diagonal blocks, one after the other. Returns the first block that is not positive definite, or
+/* y = x + s y */
+static void dgfemi_vector_scale_add(int count, const dgfem_real *x, dgfem_real s, dgfem_real *y) {
+    int i;
+    for (i = 0; i < count; i++) y[i] = x[i] + s * y[i];
+}
+
+/* y += s x */
+static void dgfemi_vector_add(int count, dgfem_real s, const dgfem_real *x, dgfem_real *y) {
+    int i;
+    for (i = 0; i < count; i++) y[i] += s * x[i];
+}
+
+/* ---- block-Jacobi ---- */
+
+/* From L with A = L L^T (lower half, row-major) to the whole of A^-1 = L^-T L^-1, in place. */
+static void dgfemi_invert_from_cholesky(dgfem_real *a, int n) {
+    int i, j, k;
+    for (j = 0; j < n; j++) { /* column j of L^-1: the columns behind it are still those of L */
+        a[j * n + j] = 1 / a[j * n + j];
+        for (i = j + 1; i < n; i++) {
+            dgfem_real sum = 0;
+            for (k = j; k < i; k++) sum += a[i * n + k] * a[k * n + j];
+            a[i * n + j] = -sum / a[i * n + i];
+        }
+    }
+    for (j = 0; j < n; j++)
+        for (i = j; i < n; i++) {
+            dgfem_real sum = 0;
+            for (k = i; k < n; k++) sum += a[k * n + i] * a[k * n + j];
+            a[i * n + j] = a[j * n + i] = sum;
+        }
+}
+
+/* Inverts all diagonal blocks into `inverse`, one behind the other. Returns a block that is not positive definite, or
    DGFEM_NONE. */
-static int dgfemi_factor_diagonal(const dgfem_matrix *matrix, dgfem_real *factors) {
-    for (int r = 0; r < matrix->block_count; r++) {
+static int dgfemi_invert_diagonal(const dgfem_matrix *matrix, dgfem_real *inverse) {
+    int r;
+    for (r = 0; r < matrix->block_count; r++) {
         int n = dgfemi_block_size(matrix, r);
-        memcpy(factors, dgfem_matrix_block(matrix, r, r), (size_t)(n * n) * sizeof *factors);
-        if (!dgfemi_cholesky_dense(factors, n)) return r;
-        factors += n * n;
+        size_t count = (size_t)n * (size_t)n;
+        memcpy(inverse, matrix->values + matrix->value_start[dgfemi_diagonal_index(matrix, r)], count * sizeof *inverse);
+        if (!dgfemi_cholesky_dense(inverse, n)) return r;
+        dgfemi_invert_from_cholesky(inverse, n);
+        inverse += count;
     }
     return DGFEM_NONE;
 }
 
-/* z = M^-1 r */
-static void dgfemi_precondition(const dgfem_matrix *matrix, const dgfem_real *factors, const dgfem_real *r,
+/* z = D^-1 r */
+static void dgfemi_precondition(const dgfem_matrix *matrix, const dgfem_real *inverse, const dgfem_real *r,
                                 dgfem_real *z) {
-    memcpy(z, r, (size_t)matrix->size * sizeof *z);
-    for (int b = 0; b < matrix->block_count; b++) {
-        int n = dgfemi_block_size(matrix, b);
-        dgfemi_cholesky_dense_solve(factors, n, z + matrix->offset[b], 1);
-        factors += n * n;
+    int k;
+    memset(z, 0, (size_t)matrix->size * sizeof *z);
+    for (k = 0; k < matrix->block_count; k++) {
+        int n = dgfemi_block_size(matrix, k), first = matrix->offset[k];
+        dgfemi_block_multiply(inverse, n, n, r + first, z + first);
+        inverse += (size_t)n * (size_t)n;
     }
 }
 
-static dgfem_real dgfemi_dot_n(const dgfem_real *x, const dgfem_real *y, int n) {
-    dgfem_real sum = 0;
-    for (int i = 0; i < n; i++) sum += x[i] * y[i];
-    return sum;
+/* ---- iteration ---- */
+
+typedef struct dgfemi_pcg {
+    const dgfem_matrix *matrix;
+    const dgfem_real *b;
+    dgfem_real *x;
+    dgfem_real *r, *z, *p, *q; /* residual, D^-1 r, direction, A p */
+    dgfem_real *best;          /* the iterate of the smallest residual */
+    dgfem_real *inverse;       /* of the diagonal blocks */
+    double norm;               /* b . D^-1 b */
+    double rho;                /* r . D^-1 r */
+    double best_rho;
+} dgfemi_pcg;
+
+static void dgfemi_pcg_keep_best(dgfemi_pcg *s) {
+    if (!(s->rho < s->best_rho)) return;
+    s->best_rho = s->rho;
+    memcpy(s->best, s->x, (size_t)s->matrix->size * sizeof *s->x);
 }
 
-/* |v| in the norm of M^-1; z is overwritten. */
-static dgfem_real dgfemi_residual_norm(const dgfem_matrix *matrix, const dgfem_real *factors, const dgfem_real *v,
-                                       dgfem_real *z) {
-    dgfemi_precondition(matrix, factors, v, z);
-    return dgfemi_sqrt(dgfemi_max(dgfemi_dot_n(v, z, matrix->size), 0));
+/* The residual itself, not as carried along; and a new start from it. */
+static void dgfemi_pcg_restart(dgfemi_pcg *s) {
+    int n = s->matrix->size, i;
+    dgfem_matrix_multiply(s->matrix, s->x, s->q);
+    for (i = 0; i < n; i++) s->r[i] = s->b[i] - s->q[i];
+    dgfemi_precondition(s->matrix, s->inverse, s->r, s->z);
+    memcpy(s->p, s->z, (size_t)n * sizeof *s->p);
+    s->rho = dgfemi_vector_dot(n, s->r, s->z);
 }
 
-/* The iteration. On DGFEM_ERROR_NOT_CONVERGED x is the iterate with the smallest residual. */
-static dgfem_status dgfemi_pcg(const dgfem_matrix *matrix, const dgfem_pcg_desc *desc, const dgfem_real *b,
-                               dgfem_real *x, dgfem_real *work, dgfem_pcg_info *info) {
-    int n = matrix->size;
-    size_t bytes = (size_t)n * sizeof *x;
-    dgfem_real *r = work, *z = r + n, *p = z + n, *q = p + n, *best = q + n, *factors = best + n;
-    info->failed_block = dgfemi_factor_diagonal(matrix, factors);
-    if (info->failed_block != DGFEM_NONE) return DGFEM_ERROR_NOT_POSITIVE_DEFINITE;
+/* One step of Hestenes and Stiefel. 0 on breakdown: A or D^-1 is not positive definite, or a number not finite. */
+static int dgfemi_pcg_iterate(dgfemi_pcg *s) {
+    int n = s->matrix->size;
+    double curvature, rho;
+    dgfem_real step;
+    dgfem_matrix_multiply(s->matrix, s->p, s->q);
+    curvature = dgfemi_vector_dot(n, s->p, s->q);
+    step = (dgfem_real)(s->rho / curvature);
+    if (!(curvature > 0) || !(step > 0) || !dgfemi_is_finite(step)) return 0;
+    dgfemi_vector_add(n, step, s->p, s->x);
+    dgfemi_vector_add(n, -step, s->q, s->r);
+    dgfemi_precondition(s->matrix, s->inverse, s->r, s->z);
+    rho = dgfemi_vector_dot(n, s->r, s->z);
+    if (!(rho >= 0) || !(rho - rho == 0)) return 0;
+    dgfemi_vector_scale_add(n, s->z, (dgfem_real)(rho / s->rho), s->p);
+    s->rho = rho;
+    return 1;
+}
 
-    dgfem_real scale = dgfemi_residual_norm(matrix, factors, b, z);
-    if (scale == 0) {
-        memset(x, 0, bytes);
-        return DGFEM_OK;
-    }
-    dgfem_matrix_multiply(matrix, x, r);
-    for (int i = 0; i < n; i++) r[i] = b[i] - r[i];
-    dgfemi_precondition(matrix, factors, r, z);
-    dgfem_real rz = dgfemi_dot_n(r, z, n), best_residual;
-    memcpy(p, z, bytes);
-    memcpy(best, x, bytes);
-    info->residual = best_residual = dgfemi_sqrt(dgfemi_max(rz, 0)) / scale;
-
-    while (!(info->residual <= desc->tolerance) && info->iterations < desc->max_iterations) {
-        dgfem_matrix_multiply(matrix, p, q);
-        dgfem_real pq = dgfemi_dot_n(p, q, n), alpha = rz / pq;
-        if (!(pq > 0) || !dgfemi_is_finite(alpha)) break; /* not definite, or NaN */
-        for (int i = 0; i < n; i++) x[i] += alpha * p[i], r[i] -= alpha * q[i];
-        dgfemi_precondition(matrix, factors, r, z);
-        dgfem_real next = dgfemi_dot_n(r, z, n), beta = next / rz;
-        for (int i = 0; i < n; i++) p[i] = z[i] + beta * p[i];
-        rz = next;
-        info->iterations++;
-        info->residual = dgfemi_sqrt(dgfemi_max(rz, 0)) / scale;
-        if (info->residual < best_residual) {
-            best_residual = info->residual;
-            memcpy(best, x, bytes);
+/* 1 when converged. The residual that is carried along drifts from the true one: when it is small enough, the true one
+   is computed; is that not, the iteration starts anew from it, as long as this gains something. */
+static int dgfemi_pcg_run(dgfemi_pcg *s, const dgfem_pcg_desc *desc, int *iterations) {
+    double target = (double)desc->tolerance * (double)desc->tolerance * s->norm, last_true;
+    int is_true = 1;
+    dgfemi_pcg_restart(s);
+    s->best_rho = last_true = s->rho;
+    memcpy(s->best, s->x, (size_t)s->matrix->size * sizeof *s->x);
+    for (*iterations = 0;;) {
+        if (!is_true && s->rho <= target) {
+            dgfemi_pcg_restart(s);
+            is_true = 1;
+            if (s->rho > target && !(s->rho < last_true / 4)) return 0;
+            last_true = s->rho;
         }
+        if (s->rho <= target) return 1;
+        if (*iterations == desc->max_iterations || !dgfemi_pcg_iterate(s)) return 0;
+        is_true = 0;
+        ++*iterations;
+        dgfemi_pcg_keep_best(s);
     }
-    if (info->residual <= desc->tolerance) return DGFEM_OK;
-    memcpy(x, best, bytes);
-    info->residual = best_residual;
-    return DGFEM_ERROR_NOT_CONVERGED;
 }
 
-static dgfem_status dgfemi_check_pcg(const dgfem_matrix *matrix, const dgfem_pcg_desc *desc, const dgfem_real *b,
+/* `work` has room for dgfem_pcg_work_size. Returns OK, NOT_POSITIVE_DEFINITE or NOT_CONVERGED. */
+static dgfem_status dgfemi_pcg_solve(const dgfem_matrix *matrix, const dgfem_pcg_desc *desc, const dgfem_real *b,
+                                     dgfem_real *x, dgfem_real *work, dgfem_pcg_info *info) {
+    dgfemi_pcg solver, *s = &solver;
+    size_t n = (size_t)matrix->size;
+    int converged;
+    s->matrix = matrix;
+    s->b = b;
+    s->x = x;
+    s->r = work, s->z = work + n, s->p = work + 2 * n, s->q = work + 3 * n, s->best = work + 4 * n;
+    s->inverse = work + 5 * n;
+    info->failed_block = dgfemi_invert_diagonal(matrix, s->inverse);
+    if (info->failed_block != DGFEM_NONE) return DGFEM_ERROR_NOT_POSITIVE_DEFINITE;
+    dgfemi_precondition(matrix, s->inverse, b, s->z);
+    s->norm = dgfemi_vector_dot(matrix->size, b, s->z);
+    info->residual = (dgfem_real)HUGE_VAL;
+    if (!(s->norm > 0) || !(s->norm - s->norm == 0)) return DGFEM_ERROR_NOT_CONVERGED;
+    converged = dgfemi_pcg_run(s, desc, &info->iterations);
+    if (!converged) {
+        memcpy(x, s->best, n * sizeof *x);
+        dgfemi_pcg_restart(s);
+    }
+    info->residual = (dgfem_real)sqrt(s->rho / s->norm);
+    return converged ? DGFEM_OK : DGFEM_ERROR_NOT_CONVERGED;
+}
+
+DGFEM_API size_t dgfem_pcg_work_size(const dgfem_matrix *matrix) {
+    size_t total = 0;
+    int r;
+    if (!matrix) return 0;
+    for (r = 0; r < matrix->block_count; r++) {
+        size_t n = (size_t)dgfemi_block_size(matrix, r);
+        total += 5 * n + n * n;
+    }
+    return total;
+}
+
+static dgfem_status dgfemi_pcg_check(const dgfem_matrix *matrix, const dgfem_pcg_desc *desc, const dgfem_real *b,
                                      const dgfem_real *x) {
-    if (!matrix || (matrix->size > 0 && (!b || !x)))
-        return dgfemi_fail(&desc->hooks, DGFEM_ERROR_ARGUMENT, "pcg: no matrix or vector");
-    if (!(desc->tolerance > 0) || desc->max_iterations < 0)
-        return dgfemi_fail(&desc->hooks, DGFEM_ERROR_ARGUMENT, "pcg: tolerance %g, max_iterations %d",
-                           (double)desc->tolerance, desc->max_iterations);
+    const dgfem_hooks *hooks = &desc->hooks;
+    int i;
+    if (!matrix || !b || !x || b == x)
+        return dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "pcg: matrix, b or x is NULL, or b is x");
+    if (!(desc->tolerance >= 0) || !dgfemi_is_finite(desc->tolerance))
+        return dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "pcg: tolerance %g", (double)desc->tolerance);
+    if (desc->max_iterations < 0)
+        return dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "pcg: max_iterations %d", desc->max_iterations);
+    i = dgfemi_vector_not_finite(matrix->size, b);
+    if (i != DGFEM_NONE) return dgfemi_fail(hooks, DGFEM_ERROR_NOT_FINITE, "pcg: b[%d]", i);
+    i = dgfemi_vector_not_finite(matrix->size, x);
+    if (i != DGFEM_NONE) return dgfemi_fail(hooks, DGFEM_ERROR_NOT_FINITE, "pcg: x[%d]", i);
     return DGFEM_OK;
+}
+
+static int dgfemi_vector_is_zero(int count, const dgfem_real *x) {
+    int i;
+    for (i = 0; i < count; i++)
+        if (x[i] != 0) return 0;
+    return 1;
 }
 
 DGFEM_API dgfem_status dgfem_pcg(const dgfem_matrix *matrix, const dgfem_pcg_desc *desc, const dgfem_real *b,
                                  dgfem_real *x, dgfem_pcg_info *info) {
-    dgfem_pcg_info local;
-    memset(&local, 0, sizeof local);
-    local.failed_block = DGFEM_NONE;
-    if (info) *info = local;
+    dgfem_pcg_info result;
+    dgfem_real *work;
     dgfem_status status = dgfemi_check_cookie(desc, desc ? desc->cookie : 0);
-    if (!status) status = dgfemi_check_pcg(matrix, desc, b, x);
+    memset(&result, 0, sizeof result);
+    result.failed_block = DGFEM_NONE;
+    if (info) *info = result;
+    if (!status) status = dgfemi_pcg_check(matrix, desc, b, x);
     if (status) return status;
-    dgfem_real *work = desc->work;
-    if (!work) work = (dgfem_real *)dgfemi_allocate(&desc->hooks, dgfem_pcg_work_size(matrix), sizeof *work);
+    if (dgfemi_vector_is_zero(matrix->size, b)) {
+        memset(x, 0, (size_t)matrix->size * sizeof *x);
+        return DGFEM_OK;
+    }
+    work = desc->work;
+    if (!work) work = (dgfem_real *)dgfemi_allocate(&desc->hooks, dgfem_pcg_work_size(matrix), sizeof(dgfem_real));
     if (!work) return dgfemi_fail_memory(&desc->hooks);
-    status = dgfemi_pcg(matrix, desc, b, x, work, &local);
+    status = dgfemi_pcg_solve(matrix, desc, b, x, work, &result);
     if (!desc->work) dgfemi_free(&desc->hooks, work);
-    if (info) *info = local;
+    if (info) *info = result;
     if (status == DGFEM_ERROR_NOT_POSITIVE_DEFINITE)
-        return dgfemi_fail(&desc->hooks, status, "pcg: diagonal block %d", local.failed_block);
+        return dgfemi_fail(&desc->hooks, status, "pcg: diagonal block %d", result.failed_block);
     if (status)
-        return dgfemi_fail(&desc->hooks, status, "pcg: residual %g after %d iterations, expected %g",
-                           (double)local.residual, local.iterations, (double)desc->tolerance);
+        return dgfemi_fail(&desc->hooks, status, "pcg: residual %g after %d iterations", (double)result.residual,
+                           result.iterations);
     return DGFEM_OK;
 }
 
@@ -13207,7 +13341,7 @@ DGFEM_API dgfem_static_desc dgfem_default_static_desc(void) {
     desc.cookie = DGFEM_COOKIE;
     desc.load_steps = 1;
     desc.max_sweeps = 60;
-    desc.tolerance = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-5) : DGFEM_R(1e-9);
+    desc.tolerance = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-9);
     return desc;
 }
 

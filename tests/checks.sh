@@ -281,14 +281,14 @@ check_readme() {
 
 # ---- examples ----
 
-# prints_keys KEYS COMMAND...: the lines of its output begin with these words, each with a finite number behind it.
+# prints_keys KEYS COMMAND...: each line of its output is a word and a finite number, and these words are among them.
 prints_keys() {
     keys=$1
     shift
     "$@" > "$work/output" || return 1
     cat "$work/output"
-    [ "$(awk '{ print $1 }' "$work/output" | tr '\n' ' ')" = "$keys " ] &&
-        awk 'NF != 2 || $2 + 0 != $2 || $2 ~ /[a-df-z]/ { exit 1 }' "$work/output"
+    for key in $keys; do grep -q "^$key " "$work/output" || { echo "no line $key"; return 1; }; done
+    awk 'NF != 2 || $2 !~ /^-?[0-9][0-9.]*(e[-+][0-9]+)?$/ { exit 1 }' "$work/output"
 }
 
 # value KEY: from the last output.

@@ -155,7 +155,7 @@ static double oracle_off(oracle *o, int n, int scale, int denominator, double co
     mpq_div(exact, exact, number);
     mpq_div_2exp(exact, exact, (mp_bitcnt_t)(FRACTION * scale));
     if (!isfinite(computed)) {
-        off = NAN;
+        off = (double)NAN;
     } else {
         mpq_set_d(number, computed);
         mpq_sub(number, number, exact);

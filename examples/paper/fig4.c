@@ -45,7 +45,7 @@ static void by_moments(const dgfem_polyhedron *p, int degree, estimate *out) {
     double m[84];
     need(dgfem_polyhedron_moments(p, degree, vec3(0, 0, 0), m), "moments");
     out->first = m[dgfem_monomial_index(2, 0, 0)];
-    out->second = degree >= 6 ? m[dgfem_monomial_index(2, 2, 2)] : NAN;
+    out->second = degree >= 6 ? m[dgfem_monomial_index(2, 2, 2)] : (double)NAN;
     out->points = 0;
 }
 

@@ -564,7 +564,7 @@ typedef struct dgfem_static_desc {
     unsigned cookie;
     int load_steps;         /* default 1 */
     int max_sweeps;         /* per load step; default 60 */
-    dgfem_real tolerance;   /* on the change of the displacement relative to its size; default 1e-9 (float: 1e-5) */
+    dgfem_real tolerance;   /* on the change of the displacement relative to its size; default 1e-9 (float: 1e-4) */
 } dgfem_static_desc;
 
 /* Where points sit in a body: a linear operator from coefficients to displacements of points, by moving least squares

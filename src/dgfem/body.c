@@ -31,7 +31,7 @@ DGFEM_API dgfem_static_desc dgfem_default_static_desc(void) {
     desc.cookie = DGFEM_COOKIE;
     desc.load_steps = 1;
     desc.max_sweeps = 60;
-    desc.tolerance = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-5) : DGFEM_R(1e-9);
+    desc.tolerance = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-9);
     return desc;
 }
 

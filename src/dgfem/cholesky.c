@@ -969,12 +969,12 @@ static void dgfemi_solve(const dgfem_cholesky *c, const dgfem_real *b, dgfem_rea
 }
 
 DGFEM_API dgfem_status dgfem_cholesky_solve(const dgfem_cholesky *c, const dgfem_real *b, dgfem_real *x) {
-    int i;
+    int bad;
     if (!c) return DGFEM_ERROR_ARGUMENT;
     if (!b || !x) return dgfemi_fail(&c->hooks, DGFEM_ERROR_ARGUMENT, "cholesky: b or x is NULL");
     if (!c->factored) return dgfemi_fail(&c->hooks, DGFEM_ERROR_ARGUMENT, "cholesky: no factorization to solve with");
-    for (i = 0; i < c->size; i++)
-        if (!dgfemi_is_finite(b[i])) return dgfemi_fail(&c->hooks, DGFEM_ERROR_NOT_FINITE, "cholesky: b[%d]", i);
+    bad = dgfemi_vector_not_finite(c->size, b);
+    if (bad != DGFEM_NONE) return dgfemi_fail(&c->hooks, DGFEM_ERROR_NOT_FINITE, "cholesky: b[%d]", bad);
     dgfemi_solve(c, b, x);
     return DGFEM_OK;
 }

@@ -181,30 +181,42 @@ static dgfem_status dgfemi_join_loops(dgfemi_joiner *joiner, dgfemi_segments *se
 
 static int dgfemi_join_loop_count(const dgfemi_joiner *joiner) { return joiner->start.count - 1; }
 
-/* Twice the area of a loop in the coordinates u, v. */
-static dgfem_real dgfemi_join_area(const dgfemi_joiner *joiner, int loop) {
+/* Twice the area of a loop in the coordinates u, v; *noise: what round-off may have done to it. */
+static dgfem_real dgfemi_join_area(const dgfemi_joiner *joiner, int loop, dgfem_real *noise) {
     const int *vertices = joiner->vertices.data + joiner->start.data[loop];
     int count = joiner->start.data[loop + 1] - joiner->start.data[loop], i;
-    dgfem_real u = dgfemi_join_u(joiner, vertices[0]), v = dgfemi_join_v(joiner, vertices[0]), sum = 0;
-    dgfem_real au = dgfemi_join_u(joiner, vertices[1]) - u, av = dgfemi_join_v(joiner, vertices[1]) - v;
-    for (i = 2; i < count; i++) {
+    dgfem_real u = dgfemi_join_u(joiner, vertices[0]), v = dgfemi_join_v(joiner, vertices[0]);
+    dgfem_real size = dgfemi_max(dgfemi_abs(u), dgfemi_abs(v)), length = 0, sum = 0, au = 0, av = 0;
+    for (i = 1; i < count; i++) {
         dgfem_real bu = dgfemi_join_u(joiner, vertices[i]) - u, bv = dgfemi_join_v(joiner, vertices[i]) - v;
         sum += au * bv - av * bu;
+        length += dgfemi_abs(bu - au) + dgfemi_abs(bv - av);
         au = bu, av = bv;
     }
+    *noise = 16 * DGFEM_EPSILON * (size + length) * length;
     return sum;
 }
 
-/* The loop that a ray from the hole's vertex of smallest u towards smaller u meets first. What bounds the region there
-   has it on the side of larger u and so runs towards smaller v. DGFEM_NONE when there is none.
+/* Where edge a -> b crosses the line of height v, and whether downwards. 0 when it does not. */
+static int dgfemi_join_cross(const dgfemi_joiner *joiner, int a, int b, dgfem_real v, dgfem_real *at, int *down) {
+    dgfem_real va = dgfemi_join_v(joiner, a), vb = dgfemi_join_v(joiner, b), ua = dgfemi_join_u(joiner, a);
+    if ((va > v) == (vb > v)) return 0;
+    *down = va > v;
+    *at = ua + (v - va) / (vb - va) * (dgfemi_join_u(joiner, b) - ua);
+    return 1;
+}
+
+/* The loop that a ray from this loop's vertex of smallest u towards smaller u meets first. An edge that bounds the
+   region there has it on the side of larger u and so runs down, towards smaller v. For a loop that is known to be a hole
+   only such edges count; any other loop is a hole if the first edge of all is such a one. DGFEM_NONE: no hole.
 
           |   region    +---+
           v  <----------+   |  hole
           |             +---+                                                                     */
-static int dgfemi_join_hole_neighbour(const dgfemi_joiner *joiner, int hole) {
+static int dgfemi_join_hole_neighbour(const dgfemi_joiner *joiner, int hole, int known) {
     const int *vertices = joiner->vertices.data, *start = joiner->start.data;
-    int extreme = vertices[start[hole]], nearest = DGFEM_NONE, loop, i;
-    dgfem_real u, v, best = 0;
+    int extreme = vertices[start[hole]], nearest = DGFEM_NONE, nearest_down = 0, loop, i, down;
+    dgfem_real u, v, at, best = 0;
     for (i = start[hole]; i < start[hole + 1]; i++)
         if (dgfemi_join_u(joiner, vertices[i]) < dgfemi_join_u(joiner, extreme)) extreme = vertices[i];
     u = dgfemi_join_u(joiner, extreme), v = dgfemi_join_v(joiner, extreme);
@@ -212,20 +224,17 @@ static int dgfemi_join_hole_neighbour(const dgfemi_joiner *joiner, int hole) {
         int a, b = vertices[start[loop + 1] - 1];
         if (loop == hole) continue;
         for (i = start[loop]; i < start[loop + 1]; i++) {
-            dgfem_real va, vb, ua, at;
             a = b, b = vertices[i];
-            va = dgfemi_join_v(joiner, a), vb = dgfemi_join_v(joiner, b);
-            if (!(va > v && vb <= v)) continue;
-            ua = dgfemi_join_u(joiner, a);
-            at = ua + (v - va) / (vb - va) * (dgfemi_join_u(joiner, b) - ua);
-            if (at <= u && (nearest == DGFEM_NONE || at > best)) nearest = loop, best = at;
+            if (!dgfemi_join_cross(joiner, a, b, v, &at, &down) || (known && !down)) continue;
+            if (at <= u && (nearest == DGFEM_NONE || at > best)) nearest = loop, nearest_down = down, best = at;
         }
     }
-    return nearest;
+    return nearest_down ? nearest : DGFEM_NONE;
 }
 
-/* Fills joiner->owner: a loop that runs counter-clockwise owns itself, a hole belongs to its neighbour's owner. A hole
-   without one, which takes round-off or a surface that crosses itself, becomes a region of its own. */
+/* Fills joiner->owner: a loop that runs counter-clockwise owns itself, a hole belongs to its neighbour's owner. A loop
+   without area is a slit or a speck, by its surroundings. A hole without neighbour, which takes round-off or a surface
+   that crosses itself, becomes a region of its own. */
 static dgfem_status dgfemi_join_regions(dgfemi_joiner *joiner) {
     int count = dgfemi_join_loop_count(joiner), loop, steps, *owner;
     joiner->owner.count = 0;
@@ -233,11 +242,12 @@ static dgfem_status dgfemi_join_regions(dgfemi_joiner *joiner) {
         if (!dgfemi_push(&joiner->mesh->hooks, &joiner->owner, loop)) return DGFEM_ERROR_MEMORY;
     if (count < 2) return DGFEM_OK;
     owner = joiner->owner.data;
-    for (loop = 0; loop < count; loop++)
-        if (dgfemi_join_area(joiner, loop) < 0) {
-            int neighbour = dgfemi_join_hole_neighbour(joiner, loop);
-            if (neighbour != DGFEM_NONE) owner[loop] = neighbour;
-        }
+    for (loop = 0; loop < count; loop++) {
+        dgfem_real noise, area = dgfemi_join_area(joiner, loop, &noise);
+        if (area > noise) continue;
+        owner[loop] = dgfemi_join_hole_neighbour(joiner, loop, area < -noise);
+        if (owner[loop] == DGFEM_NONE) owner[loop] = loop;
+    }
     for (loop = 0; loop < count; loop++) {
         int root = loop;
         for (steps = 0; owner[root] != root && steps < count; steps++) root = owner[root];

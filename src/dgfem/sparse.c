@@ -222,6 +222,14 @@ DGFEM_API dgfem_real *dgfem_matrix_block(const dgfem_matrix *matrix, int row, in
     return matrix->column[low] == column ? matrix->values + matrix->value_start[low] : NULL;
 }
 
+/* The index of the first number that is NaN or infinite, or DGFEM_NONE. */
+static int dgfemi_vector_not_finite(int count, const dgfem_real *x) {
+    int i;
+    for (i = 0; i < count; i++)
+        if (!dgfemi_is_finite(x[i])) return i;
+    return DGFEM_NONE;
+}
+
 /* ---- product ---- */
 
 /* Both kernels treat a block in strips of 12, 3 and 1 columns: all loops over a strip have a constant length and its
