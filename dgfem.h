@@ -188,6 +188,7 @@
    forms.c            The integrals behind the weak form, from moments alone, in the unrotated material.
    sparse.c           Symmetric matrix in dense blocks of any sizes.
    ordering.c         Fill-reducing orderings of the blocks: minimum degree and geometric nested dissection.
+   panel.c            Dense kernels of the sparse Cholesky factorization.
    cholesky.c         Sparse Cholesky factorization A = L L^T of matrices in blocks: symbolic analysis, multifrontal
                       factorization, solves.
    pcg.c              Conjugate gradients, preconditioned by the inverse diagonal blocks.
@@ -625,7 +626,7 @@ typedef struct dgfem_matrix_desc {
     unsigned cookie;
     int block_count;
     const int *block_sizes;     /* [block_count], each >= 1 */
-    const int *pairs;           /* [2 * pair_count] coupled blocks, either order, repeats allowed */
+    const int *pairs;           /* [2 * pair_count] coupled blocks, in any order; repeats and equal ones are allowed */
     int pair_count;
     const dgfem_vec3 *centres;  /* [block_count] where each block lives, for the ordering; or NULL */
     dgfem_hooks hooks;
@@ -636,7 +637,7 @@ typedef struct dgfem_matrix {
     int size;             /* number of unknowns */
     int *offset;          /* [block_count + 1] first unknown of each block */
     int *row_start;       /* [block_count + 1] */
-    int *column;          /* columns of row r, ascending; the last one is r itself: row_start[r] <= k < row_start[r + 1] */
+    int *column;          /* of row r, ascending: row_start[r] <= k < row_start[r + 1]; the last one is r itself */
     size_t *value_start;  /* [row_start[block_count] + 1] block k: row-major, size(r) x size(column[k]) */
     dgfem_real *values;
     dgfem_vec3 *centres;  /* [block_count] or NULL */
@@ -649,17 +650,17 @@ DGFEM_API void dgfem_matrix_destroy(dgfem_matrix *matrix);
 DGFEM_API void dgfem_matrix_clear(dgfem_matrix *matrix);
 
 /* The stored block (row >= column), row-major, to be read or written in place; NULL where there is none. Diagonal
-   blocks are stored whole and must be symmetric. */
+   blocks are stored whole and must be symmetric (the factorization reads their lower half only). */
 DGFEM_API dgfem_real *dgfem_matrix_block(const dgfem_matrix *matrix, int row, int column);
 
 /* y = A x; x and y are different vectors of matrix->size. */
 DGFEM_API void dgfem_matrix_multiply(const dgfem_matrix *matrix, const dgfem_real *x, dgfem_real *y);
 
 typedef enum dgfem_ordering {
-    DGFEM_ORDERING_AUTO,              /* nested dissection where centres are known, else minimum degree */
+    DGFEM_ORDERING_AUTO,              /* nested dissection or, without centres or if that is better, minimum degree */
     DGFEM_ORDERING_NATURAL,
     DGFEM_ORDERING_MINIMUM_DEGREE,
-    DGFEM_ORDERING_NESTED_DISSECTION
+    DGFEM_ORDERING_NESTED_DISSECTION  /* needs the matrix's centres */
 } dgfem_ordering;
 
 typedef struct dgfem_cholesky_desc {
@@ -673,9 +674,9 @@ typedef struct dgfem_cholesky dgfem_cholesky;
 
 typedef struct dgfem_cholesky_info {
     int failed_block;         /* the block whose pivot was not positive, or DGFEM_NONE */
-    double factor_entries;    /* numbers in L */
-    double factor_flops;      /* multiplications and additions of one factorization */
-    int supernodes;
+    double factor_entries;    /* numbers in L, without the zeros that are stored with them */
+    double factor_flops;      /* multiplications and additions of one factorization, without those on such zeros */
+    int supernodes;           /* dense panels that L is stored in */
 } dgfem_cholesky_info;
 
 DGFEM_API dgfem_cholesky_desc dgfem_default_cholesky_desc(void);
@@ -685,17 +686,20 @@ DGFEM_API dgfem_status dgfem_cholesky_create(const dgfem_matrix *matrix, const d
                                              dgfem_cholesky **out);
 DGFEM_API void dgfem_cholesky_destroy(dgfem_cholesky *cholesky);
 
-/* Factors a matrix of the pattern analysed. DGFEM_ERROR_NOT_POSITIVE_DEFINITE leaves the object usable for another
-   factorization; info (may be NULL) names the block. */
+/* Factors a matrix of the pattern analysed; allocates nothing. DGFEM_ERROR_NOT_POSITIVE_DEFINITE leaves the object
+   usable for another factorization; info (may be NULL) names the block. A pivot fails when it is not finite or not above
+   8 epsilon times the diagonal element that it began with: of that no digit is left. Round-off can lift the pivots of
+   a singular matrix above this bound; then the solution is large and has no correct digits. */
 DGFEM_API dgfem_status dgfem_cholesky_factor(dgfem_cholesky *cholesky, const dgfem_matrix *matrix,
                                              dgfem_cholesky_info *info);
 
-/* Solves A x = b by the last factorization; b and x may be the same vector. */
+/* Solves A x = b by the last factorization; b and x may be the same vector. Allocates nothing: the object's own work
+   vector serves one solve at a time. DGFEM_ERROR_ARGUMENT when the last factorization failed or there was none. */
 DGFEM_API dgfem_status dgfem_cholesky_solve(const dgfem_cholesky *cholesky, const dgfem_real *b, dgfem_real *x);
 
 typedef struct dgfem_pcg_desc {
     unsigned cookie;
-    dgfem_real tolerance;  /* on |b - A x| / |b| in the norm of the inverse diagonal blocks; default 1e-8 (float: 1e-5) */
+    dgfem_real tolerance;  /* on |b - A x| / |b| in the norm of the inverse diagonal blocks; default 1e-8, float 1e-5 */
     int max_iterations;    /* default 1000 */
     dgfem_real *work;      /* [5 * size + values of all diagonal blocks] or NULL: allocated inside */
     dgfem_hooks hooks;
@@ -703,7 +707,7 @@ typedef struct dgfem_pcg_desc {
 
 typedef struct dgfem_pcg_info {
     int iterations;
-    dgfem_real residual;   /* relative, as in tolerance */
+    dgfem_real residual;   /* relative, as in tolerance; of the x returned */
     int failed_block;      /* a diagonal block that is not positive definite, or DGFEM_NONE */
 } dgfem_pcg_info;
 
@@ -712,8 +716,9 @@ DGFEM_API dgfem_pcg_desc dgfem_default_pcg_desc(void);
 /* Number of dgfem_real that pcg's work array needs. */
 DGFEM_API size_t dgfem_pcg_work_size(const dgfem_matrix *matrix);
 
-/* Conjugate gradients with block-Jacobi; x holds the start vector and receives the result. On
-   DGFEM_ERROR_NOT_CONVERGED x is the best iterate. */
+/* Conjugate gradients with block-Jacobi; x holds the start vector and receives the result; b = 0 gives x = 0 at once.
+   On DGFEM_ERROR_NOT_CONVERGED (max_iterations reached, no more progress, or a breakdown, as with an indefinite matrix)
+   x is the best iterate. info may be NULL. */
 DGFEM_API dgfem_status dgfem_pcg(const dgfem_matrix *matrix, const dgfem_pcg_desc *desc, const dgfem_real *b,
                                  dgfem_real *x, dgfem_pcg_info *info);
 
@@ -6290,13 +6295,16 @@ static dgfem_real dgfemi_join_area(const dgfemi_joiner *joiner, int loop, dgfem_
     return sum;
 }
 
-/* Where edge a -> b crosses the line of height v, and whether downwards. 0 when it does not. */
-static int dgfemi_join_cross(const dgfemi_joiner *joiner, int a, int b, dgfem_real v, dgfem_real *at, int *down) {
-    dgfem_real va = dgfemi_join_v(joiner, a), vb = dgfemi_join_v(joiner, b), ua = dgfemi_join_u(joiner, a);
+/* Whether edge a -> b crosses the ray from (u, v) towards smaller u; where, and whether downwards. Loops may touch:
+   round-off does not hide an edge. */
+static int dgfemi_join_cross(const dgfemi_joiner *joiner, int a, int b, dgfem_real u, dgfem_real v, dgfem_real *at,
+                             int *down) {
+    dgfem_real va = dgfemi_join_v(joiner, a), vb = dgfemi_join_v(joiner, b);
+    dgfem_real ua = dgfemi_join_u(joiner, a), ub = dgfemi_join_u(joiner, b);
     if ((va > v) == (vb > v)) return 0;
     *down = va > v;
-    *at = ua + (v - va) / (vb - va) * (dgfemi_join_u(joiner, b) - ua);
-    return 1;
+    *at = ua + (v - va) / (vb - va) * (ub - ua);
+    return *at <= u + 16 * DGFEM_EPSILON * (dgfemi_abs(ua) + dgfemi_abs(ub) + dgfemi_abs(va) + dgfemi_abs(vb));
 }
 
 /* The loop that a ray from this loop's vertex of smallest u towards smaller u meets first. An edge that bounds the
@@ -6318,8 +6326,8 @@ static int dgfemi_join_hole_neighbour(const dgfemi_joiner *joiner, int hole, int
         if (loop == hole) continue;
         for (i = start[loop]; i < start[loop + 1]; i++) {
             a = b, b = vertices[i];
-            if (!dgfemi_join_cross(joiner, a, b, v, &at, &down) || (known && !down)) continue;
-            if (at <= u && (nearest == DGFEM_NONE || at > best)) nearest = loop, nearest_down = down, best = at;
+            if (!dgfemi_join_cross(joiner, a, b, u, v, &at, &down) || (known && !down)) continue;
+            if (nearest == DGFEM_NONE || at > best) nearest = loop, nearest_down = down, best = at;
         }
     }
     return nearest_down ? nearest : DGFEM_NONE;
@@ -6459,6 +6467,7 @@ typedef struct dgfemi_splitter {
     /* one face */
     dgfemi_segments pieces, lines;
     dgfemi_crossings ups, downs, ons;
+    int along_axis, along_back;
     dgfemi_ints scratch_a, scratch_b;
     dgfemi_joiner joiner;
 } dgfemi_splitter;
@@ -6800,50 +6809,68 @@ static void dgfemi_crossings_sort(dgfemi_crossings *crossings) {
         qsort(crossings->data, (size_t)crossings->count, sizeof(dgfemi_crossing), dgfemi_crossing_compare);
 }
 
-/* Lists what a vertex b contributes, between its neighbours a and c: the crossing of edge a -> b, or one at b itself.
-   Vertices on the plane with both neighbours below are no crossings, and neither are those with none. */
-static dgfem_status dgfemi_split_list_vertex(dgfemi_splitter *s, int a, int b, int c, int axis) {
-    const dgfem_hooks *hooks = &s->mesh->hooks;
-    int sign_a = dgfemi_split_sign(s, a), sign_b = dgfemi_split_sign(s, b), vertex = DGFEM_NONE;
-    if (sign_a * sign_b < 0) {
-        vertex = dgfemi_split_crossing(s, a, b);
-        if (vertex == DGFEM_NONE) return DGFEM_ERROR_MEMORY;
-    } else if (sign_b == 0) {
-        if ((sign_a < 0) != (dgfemi_split_sign(s, c) < 0)) vertex = b;
-        if (!dgfemi_crossing_push(hooks, &s->ons, dgfemi_axis(s->mesh->vertices[b], axis), b)) return DGFEM_ERROR_MEMORY;
-    }
-    if (vertex != DGFEM_NONE && !dgfemi_crossing_push(hooks, sign_a < 0 ? &s->ups : &s->downs,
-                                                      dgfemi_axis(s->mesh->vertices[vertex], axis), vertex))
-        return DGFEM_ERROR_MEMORY;
-    return DGFEM_OK;
+/* Where a vertex is along the cut line of the face at hand, in the direction in which that line closes the part below.
+   As a coordinate: nothing is rounded. */
+static dgfem_real dgfemi_split_along(const dgfemi_splitter *s, int vertex) {
+    dgfem_real t = dgfemi_axis(s->mesh->vertices[vertex], s->along_axis);
+    return s->along_back ? -t : t;
 }
 
-/* Lists the crossings of a face, up and down, and its vertices on the plane, each sorted along the cut line. */
+static void dgfemi_split_set_along(dgfemi_splitter *s, dgfem_vec3 face_normal) {
+    dgfem_vec3 along = dgfemi_cross(face_normal, s->normal);
+    dgfem_real x = dgfemi_abs(along.x), y = dgfemi_abs(along.y), z = dgfemi_abs(along.z);
+    s->along_axis = x >= y && x >= z ? 0 : y >= z ? 1 : 2;
+    s->along_back = dgfemi_axis(along, s->along_axis) < 0;
+}
+
+/* On which side of the plane the face is at its edge a -> b, which does not cross the plane. An edge in the plane has
+   the face on its left: below when it runs along the cut line. */
+static int dgfemi_split_edge_side(const dgfemi_splitter *s, int a, int b) {
+    int side = dgfemi_split_sign(s, a) + dgfemi_split_sign(s, b);
+    return side != 0 ? side : dgfemi_split_along(s, b) > dgfemi_split_along(s, a) ? -1 : 1;
+}
+
+/* Lists what a vertex b contributes, between its neighbours a and c: where the loop passes to the other side, on edge
+   a -> b or at b; and b as a vertex on the plane where the loop only touches it. */
+static int dgfemi_split_list_vertex(dgfemi_splitter *s, int a, int b, int c) {
+    const dgfem_hooks *hooks = &s->mesh->hooks;
+    int sign_a = dgfemi_split_sign(s, a), sign_b = dgfemi_split_sign(s, b), from = sign_a;
+    if (sign_b == 0) {
+        from = dgfemi_split_edge_side(s, a, b);
+        if ((from < 0) == (dgfemi_split_edge_side(s, b, c) < 0))
+            return dgfemi_crossing_push(hooks, &s->ons, dgfemi_split_along(s, b), b);
+    } else {
+        if (sign_a * sign_b >= 0) return 1;
+        b = dgfemi_split_crossing(s, a, b);
+        if (b == DGFEM_NONE) return 0;
+    }
+    return dgfemi_crossing_push(hooks, from < 0 ? &s->ups : &s->downs, dgfemi_split_along(s, b), b);
+}
+
+/* Lists the crossings of a face, up and down, and the vertices that touch the plane, each sorted along the cut line. */
 static dgfem_status dgfemi_split_list_crossings(dgfemi_splitter *s, const dgfem_face *face) {
     const dgfem_mesh *mesh = s->mesh;
-    dgfem_vec3 along = dgfemi_cross(face->normal, s->normal);
-    dgfem_real x = dgfemi_abs(along.x), y = dgfemi_abs(along.y), z = dgfemi_abs(along.z);
-    dgfem_status status = DGFEM_OK;
-    int axis = x >= y && x >= z ? 0 : y >= z ? 1 : 2, l, i;
+    int l, i;
     s->ups.count = s->downs.count = s->ons.count = 0;
+    dgfemi_split_set_along(s, face->normal);
     for (l = face->loop_start; l < face->loop_start + face->loop_count; l++) {
         int start = mesh->loops[l].start, count = mesh->loops[l].count;
-        for (i = 0; !status && i < count; i++)
-            status = dgfemi_split_list_vertex(s, mesh->loop_vertices[start + (i + count - 1) % count],
-                                              mesh->loop_vertices[start + i],
-                                              mesh->loop_vertices[start + (i + 1) % count], axis);
+        for (i = 0; i < count; i++)
+            if (!dgfemi_split_list_vertex(s, mesh->loop_vertices[start + (i + count - 1) % count],
+                                          mesh->loop_vertices[start + i], mesh->loop_vertices[start + (i + 1) % count]))
+                return DGFEM_ERROR_MEMORY;
     }
-    DGFEM_ASSERT(status || s->ups.count == s->downs.count);
+    DGFEM_ASSERT(s->ups.count == s->downs.count);
     dgfemi_crossings_sort(&s->ups);
     dgfemi_crossings_sort(&s->downs);
     dgfemi_crossings_sort(&s->ons);
-    return status;
+    return DGFEM_OK;
 }
 
-/* Fills s->lines with segments up -> down, broken at the vertices on the plane that they pass (one for each place):
+/* Fills s->lines with segments up -> down, broken at the vertices that touch them (one for each place):
 
          \      /
-          \ w  /          w: a vertex of the loop that comes down from above to touch the line
+          \ w  /          w: the loop comes down from above to touch the line
        ----+-+-------                                                                                */
 static dgfem_status dgfemi_split_list_lines(dgfemi_splitter *s) {
     const dgfem_hooks *hooks = &s->mesh->hooks;
@@ -6864,14 +6891,14 @@ static dgfem_status dgfemi_split_list_lines(dgfemi_splitter *s) {
     return DGFEM_OK;
 }
 
-/* Adds to s->pieces what edge a -> b has on one side. An edge without a vertex below is above. */
+/* Adds to s->pieces what edge a -> b has on one side. 1 on success, 0 when out of memory. */
 static int dgfemi_split_clip_edge(dgfemi_splitter *s, int a, int b, int side) {
     int sign_a = dgfemi_split_sign(s, a), sign_b = dgfemi_split_sign(s, b);
     if (sign_a * sign_b < 0) {
         int crossing = dgfemi_split_crossing(s, a, b); /* exists */
         if (sign_a == side) b = crossing;
         else a = crossing;
-    } else if ((sign_a < 0 || sign_b < 0) != (side < 0)) {
+    } else if ((dgfemi_split_edge_side(s, a, b) < 0) != (side < 0)) {
         return 1;
     }
     return dgfemi_segment_push(&s->mesh->hooks, &s->pieces, a, b);
@@ -6883,10 +6910,10 @@ static dgfem_status dgfemi_split_list_pieces(dgfemi_splitter *s, const dgfem_fac
     int l, i;
     s->pieces.count = 0;
     for (l = face->loop_start; l < face->loop_start + face->loop_count; l++) {
-        dgfem_loop loop = mesh->loops[l];
-        for (i = 0; i < loop.count; i++)
-            if (!dgfemi_split_clip_edge(s, mesh->loop_vertices[loop.start + i],
-                                        mesh->loop_vertices[loop.start + (i + 1) % loop.count], side))
+        int start = mesh->loops[l].start, count = mesh->loops[l].count;
+        for (i = 0; i < count; i++)
+            if (!dgfemi_split_clip_edge(s, mesh->loop_vertices[start + i], mesh->loop_vertices[start + (i + 1) % count],
+                                        side))
                 return DGFEM_ERROR_MEMORY;
     }
     for (i = 0; i < s->lines.count; i++) {
@@ -7427,15 +7454,56 @@ static int dgfemi_split_straddles(const dgfemi_splitter *s, int element) {
     return below && above;
 }
 
-/* Puts the marked vertices of the elements on the plane, all at once. 1 on success, 0 when out of memory. */
+/* 1 when the vertices strictly between corners `first` and `end` of a loop lie on the line through these two. */
+static int dgfemi_split_is_straight(const dgfemi_splitter *s, const int *loop, int count, int first, int end) {
+    const dgfem_vec3 *vertices = s->mesh->vertices;
+    dgfem_vec3 a = vertices[loop[first % count]], along = dgfemi_sub(vertices[loop[end % count]], a);
+    dgfem_real tolerance = 4 * s->high / dgfemi_norm(s->plane.normal) * dgfemi_norm(along);
+    int i;
+    for (i = first + 1; i < end; i++)
+        if (!(dgfemi_norm(dgfemi_cross(dgfemi_sub(vertices[loop[i % count]], a), along)) <= tolerance)) return 0;
+    return 1;
+}
+
+/* Where both ends of a straight run of edges are on the plane, or marked, so are the vertices between them: with them
+   beside it the run would enclose a sliver without area. Returns the number of new marks. */
+static int dgfemi_split_mark_runs(dgfemi_splitter *s, const int *loop, int count) {
+    int first, end, i, marks = 0;
+    for (first = 0; first < count; first++) {
+        if (!s->snap_mark[loop[first]] && dgfemi_split_sign(s, loop[first]) != 0) continue;
+        for (end = first + 1; end < first + count; end++)
+            if (s->snap_mark[loop[end % count]] || dgfemi_split_sign(s, loop[end % count]) == 0) break;
+        if (end == first + 1 || end == first + count || !dgfemi_split_is_straight(s, loop, count, first, end)) continue;
+        for (i = first + 1; i < end; i++) s->snap_mark[loop[i % count]] = 1;
+        marks += end - first - 1;
+    }
+    return marks;
+}
+
+static int dgfemi_split_mark_element_runs(dgfemi_splitter *s, int element) {
+    const dgfem_mesh *mesh = s->mesh;
+    const dgfem_element *e = &mesh->elements[element];
+    int k, l, marks = 0;
+    for (k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        for (l = face->loop_start; l < face->loop_start + face->loop_count; l++)
+            marks += dgfemi_split_mark_runs(s, mesh->loop_vertices + mesh->loops[l].start, mesh->loops[l].count);
+    }
+    return marks;
+}
+
+/* Puts the vertices of the elements that are to be snapped on the plane. 1 on success, 0 when out of memory. */
 static int dgfemi_split_snap(dgfemi_splitter *s, const int *elements, int count) {
     const dgfem_mesh *mesh = s->mesh;
-    void *marks = s->snap_mark;
-    int i, v, ok = dgfemi_mesh_room(&mesh->hooks, &marks, 0, &s->snap_mark_capacity, mesh->vertex_count, 1);
-    s->snap_mark = (signed char *)marks;
+    void *snap_mark = s->snap_mark;
+    int i, v, marks, ok = dgfemi_mesh_room(&mesh->hooks, &snap_mark, 0, &s->snap_mark_capacity, mesh->vertex_count, 1);
+    s->snap_mark = (signed char *)snap_mark;
     if (!ok) return 0;
     memset(s->snap_mark, 0, (size_t)mesh->vertex_count);
     for (i = 0; i < count; i++) dgfemi_split_mark_element(s, elements ? elements[i] : i);
+    do {
+        for (marks = 0, i = 0; i < count; i++) marks += dgfemi_split_mark_element_runs(s, elements ? elements[i] : i);
+    } while (marks > 0);
     for (v = 0; v < mesh->vertex_count; v++)
         if (s->snap_mark[v]) s->height[v] = 0, s->snapped = 1;
     return 1;
@@ -9074,7 +9142,7 @@ static void dgfemi_restore_starts(int *starts, int buckets) {
     starts[0] = 0;
 }
 
-/* The pairs below the diagonal, sorted by column: row[k], starts[column] <= k < starts[column + 1], repeats included. */
+/* The pairs below the diagonal, sorted by column: row[k], starts[column] <= k < starts[column + 1]; with repeats. */
 static void dgfemi_pairs_by_column(const dgfem_matrix_desc *desc, int *starts, int *row) {
     int pass, i;
     memset(starts, 0, ((size_t)desc->block_count + 1) * sizeof *starts);
@@ -10156,69 +10224,10 @@ static int dgfemi_order_blocks(dgfemi_arena *arena, const dgfemi_graph *graph, c
     return dgfemi_order_best(arena, graph, centres, order);
 }
 
-/* ==== cholesky.c ================================================================================================== */
+/* ==== panel.c ===================================================================================================== */
 
-/* Sparse Cholesky factorization A = L L^T of matrices in blocks: symbolic analysis, multifrontal factorization, solves.
-
-   A supernode is a range of columns of L with (nearly) the same rows below; its parent holds the first of these rows.
-   Its front gathers all that eliminating its columns needs and gives:
-
-            width  height
-          +-------+         panel: becomes width + height rows of L
-          |   D   |         D holds the pivots, B is the part below
-          +-------+------+
-          |   B   |  U   |  U: -B B^T plus the updates of the children; added into the parent's front,
-          +-------+------+     whose rows contain those of U
-
-   Positions are blocks in the order of elimination. */
-
-typedef struct dgfemi_supernode {
-    int first, last;            /* positions first <= k < last */
-    int column;                 /* its first unknown, in the order of elimination */
-    int width, height;          /* unknowns */
-    int parent, child, sibling; /* supernodes: parent, first child, next child of the parent; or DGFEM_NONE */
-    int row_start, row_end;     /* the rows below, in dgfem_cholesky.rows */
-    int run_start, run_end;     /* where they go in the parent's front, in dgfem_cholesky.runs */
-    int entry_start, entry_end; /* the blocks of A that its columns begin with, in dgfem_cholesky.entries */
-    size_t values;              /* its panel, in dgfem_cholesky.values */
-    size_t update;              /* its U, in dgfem_cholesky.updates */
-} dgfemi_supernode;
-
-/* Consecutive rows below a supernode that are consecutive in the parent's front too, on one side of its width. */
-typedef struct dgfemi_run {
-    int row, front_row, length;
-} dgfemi_run;
-
-/* A stored block of A and where it goes in a front: as it is, or transposed where the order of elimination swaps its
-   row and column. */
-typedef struct dgfemi_entry {
-    int block, rows, columns;
-    int front_row, front_column, transposed;
-} dgfemi_entry;
-
-struct dgfem_cholesky {
-    dgfem_hooks hooks;
-    int block_count, size;
-    uint64_t pattern;    /* hash of the pattern analysed */
-    int factored;        /* 1: values hold a factorization */
-    int *order;          /* [block_count] the block at each position */
-    int *offset;         /* [block_count + 1] first unknown of each position, in the order of elimination */
-    int *source;         /* [block_count] first unknown of each position, in the order of the matrix */
-    int supernode_count;
-    dgfemi_supernode *supernodes; /* children before parents */
-    int *rows;                    /* positions */
-    dgfemi_run *runs;
-    dgfemi_entry *entries;
-    dgfem_real *values;   /* L */
-    dgfem_real *panel;    /* one front's D and B while they are assembled: column-major */
-    dgfem_real *updates;  /* the U that still wait for their parents: lower halves, packed by columns */
-    dgfem_real *diagonal; /* [largest width] of A, in the front's columns */
-    dgfem_real *x;        /* [size] a solve's vector in the order of elimination */
-    dgfem_real *below;    /* [largest height, in whole strips] the part of it below a supernode */
-    double factor_entries, factor_flops;
-};
-
-/* ---- dense kernels ----
+/* Dense kernels of the sparse Cholesky factorization. A panel is what one supernode has of L: a lower triangle D over a
+   rectangle B, of the same columns.
 
    A panel of L is stored in strips of DGFEM_STRIP rows, first those of D, then those of B, each padded with rows of
    zeros to whole strips. A strip holds one column after the other: element (r, k) is strip[k * DGFEM_STRIP + r]. So the
@@ -10521,6 +10530,68 @@ static void dgfemi_solve_panel_transposed(const dgfemi_panel *p, dgfem_real *x, 
     }
 }
 
+/* ==== cholesky.c ================================================================================================== */
+
+/* Sparse Cholesky factorization A = L L^T of matrices in blocks: symbolic analysis, multifrontal factorization, solves.
+
+   A supernode is a range of columns of L with (nearly) the same rows below; its parent holds the first of these rows.
+   Its front gathers all that eliminating its columns needs and gives:
+
+            width  height
+          +-------+         panel: becomes width + height rows of L
+          |   D   |         D holds the pivots, B is the part below
+          +-------+------+
+          |   B   |  U   |  U: -B B^T plus the updates of the children; added into the parent's front,
+          +-------+------+     whose rows contain those of U
+
+   Positions are blocks in the order of elimination. */
+
+typedef struct dgfemi_supernode {
+    int first, last;            /* positions first <= k < last */
+    int column;                 /* its first unknown, in the order of elimination */
+    int width, height;          /* unknowns */
+    int parent, child, sibling; /* supernodes: parent, first child, next child of the parent; or DGFEM_NONE */
+    int row_start, row_end;     /* the rows below, in dgfem_cholesky.rows */
+    int run_start, run_end;     /* where they go in the parent's front, in dgfem_cholesky.runs */
+    int entry_start, entry_end; /* the blocks of A that its columns begin with, in dgfem_cholesky.entries */
+    size_t values;              /* its panel, in dgfem_cholesky.values */
+    size_t update;              /* its U, in dgfem_cholesky.updates */
+} dgfemi_supernode;
+
+/* Consecutive rows below a supernode that are consecutive in the parent's front too, on one side of its width. */
+typedef struct dgfemi_run {
+    int row, front_row, length;
+} dgfemi_run;
+
+/* A stored block of A and where it goes in a front: as it is, or transposed where the order of elimination swaps its
+   row and column. */
+typedef struct dgfemi_entry {
+    int block, rows, columns;
+    int front_row, front_column, transposed;
+} dgfemi_entry;
+
+struct dgfem_cholesky {
+    dgfem_hooks hooks;
+    int block_count, size;
+    uint64_t pattern;    /* hash of the pattern analysed */
+    int factored;        /* 1: values hold a factorization */
+    int *order;          /* [block_count] the block at each position */
+    int *offset;         /* [block_count + 1] first unknown of each position, in the order of elimination */
+    int *source;         /* [block_count] first unknown of each position, in the order of the matrix */
+    int supernode_count;
+    dgfemi_supernode *supernodes; /* children before parents */
+    int *rows;                    /* positions */
+    dgfemi_run *runs;
+    dgfemi_entry *entries;
+    dgfem_real *values;   /* L */
+    dgfem_real *panel;    /* one front's D and B while they are assembled: column-major */
+    dgfem_real *updates;  /* the U that still wait for their parents: lower halves, packed by columns */
+    dgfem_real *diagonal; /* [largest width] of A, in the front's columns */
+    dgfem_real *x;        /* [size] a solve's vector in the order of elimination */
+    dgfem_real *below;    /* [largest height, in whole strips] the part of it below a supernode */
+    double factor_entries, factor_flops;
+};
+
 /* ---- symbolic analysis: the elimination tree and its supernodes ---- */
 
 /* A fundamental supernode (columns with the same rows below) before merging; the others follow it in a chain. */
@@ -10529,7 +10600,7 @@ typedef struct dgfemi_node {
     int width, height, blocks;   /* unknowns; unknowns and blocks below */
     double zeros;                /* numbers in its columns that are zero in L */
     int child, sibling;          /* first child, next child of the parent; or DGFEM_NONE */
-    int segment, last_segment;   /* chain of the nodes merged into it, in the order of their columns; ends with itself */
+    int segment, last_segment;   /* chain of the nodes that it consists of, in the order of their columns */
     int next_segment;
 } dgfemi_node;
 
@@ -11208,8 +11279,8 @@ static int dgfemi_invert_diagonal(const dgfem_matrix *matrix, dgfem_real *invers
     int r;
     for (r = 0; r < matrix->block_count; r++) {
         int n = dgfemi_block_size(matrix, r);
-        size_t count = (size_t)n * (size_t)n;
-        memcpy(inverse, matrix->values + matrix->value_start[dgfemi_diagonal_index(matrix, r)], count * sizeof *inverse);
+        size_t count = (size_t)n * (size_t)n, from = matrix->value_start[dgfemi_diagonal_index(matrix, r)];
+        memcpy(inverse, matrix->values + from, count * sizeof *inverse);
         if (!dgfemi_cholesky_dense(inverse, n)) return r;
         dgfemi_invert_from_cholesky(inverse, n);
         inverse += count;

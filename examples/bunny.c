@@ -14,6 +14,7 @@ typedef struct options {
     const char *model, *out;
     int cells, frame_every, write_frames;
     double seconds, dt, young, slope;
+    dgfem_solver solver;
 } options;
 
 typedef struct scene {
@@ -35,15 +36,17 @@ typedef struct statistics {
 static options read_options(int argc, char **argv) {
     program p = program_begin(argc, argv,
                               "bunny [--model FILE] [--out build/demo] [--cells 11] [--seconds 10] [--dt 0.0166667]\n"
-                              "  [--young 1.5e5] [--slope 30] [--frame-every 3] [--no-frames]");
+                              "  [--young 4e5] [--slope 30] [--frame-every 3] [--no-frames]\n"
+                              "  [--solver cholesky|pcg]");
     options o;
     o.model = program_text(&p, "--model", NULL);
     o.out = program_text(&p, "--out", "build/demo");
     o.cells = program_int(&p, "--cells", 11, 1, 1000);
     o.seconds = program_real(&p, "--seconds", 10);
     o.dt = program_real(&p, "--dt", 1.0 / 60);
-    o.young = program_real(&p, "--young", 1.5e5);
+    o.young = program_real(&p, "--young", 4e5);
     o.slope = program_real(&p, "--slope", 30);
+    o.solver = program_choice(&p, "--solver", "cholesky|pcg", 0) ? DGFEM_SOLVER_PCG : DGFEM_SOLVER_CHOLESKY;
     o.frame_every = program_int(&p, "--frame-every", 3, 1, 1000000);
     o.write_frames = !program_flag(&p, "--no-frames");
     program_end(&p);
@@ -134,8 +137,10 @@ static int make_body(const options *o, scene *s) {
     s->milliseconds_slice = 1e3 * (program_seconds() - start);
     desc.material.young = (dgfem_real)o->young;
     desc.material.poisson = DGFEM_R(0.4);
-    desc.damping_stiffness = DGFEM_R(0.01);
-    desc.damping_mass = DGFEM_R(0.8); /* the air; without it the bunny rocks on its back for long */
+    desc.eta_rest = DGFEM_R(0.7); /* (1 + nu)/2: the ears are one element thick */
+    desc.solver = o->solver;
+    desc.damping_stiffness = DGFEM_R(0.02);
+    desc.damping_mass = 1; /* the air; without it the bunny rocks on its back for long */
     desc.hooks = program_hooks();
     if (!dgfem_body_create(&desc, &s->body)) return 1;
     dgfem_mesh_destroy(desc.mesh);
@@ -286,8 +291,8 @@ static void add_ground(picture *p, double x0, double z0, double x1, double z1) {
 static void add_moment(picture *p, const scene *s, double age) {
     int first = p->vertex_count;
     for (int v = 0; v < s->skin->vertex_count; v++)
-        add_vertex(p, s->skin->positions[v], s->skin->normals[v], (int)(120 + 100 * age), (int)(150 - 40 * age),
-                   (int)(210 - 140 * age));
+        add_vertex(p, s->skin->positions[v], s->skin->normals[v], (int)(70 + 170 * age), (int)(140 - 30 * age),
+                   (int)(230 - 170 * age));
     for (int k = 0; k < 3 * s->skin->triangle_count; k++)
         p->triangles[3 * p->triangle_count + k] = first + s->skin->triangles[k];
     p->triangle_count += s->skin->triangle_count;
@@ -339,7 +344,7 @@ static int step(const options *o, scene *s, int is_last_second, statistics *st) 
 }
 
 static int run(const options *o, scene *s, statistics *st) {
-    static const double moments[MOMENTS] = {0, 0.07, 0.12, 0.18, 1};
+    static const double moments[MOMENTS] = {0, 0.08, 0.14, 0.21, 1};
     int steps = (int)(o->seconds / o->dt + 0.5), next_moment = 0, ok = 1;
     program_progress progress;
     picture p;

@@ -4,29 +4,36 @@
 # Run it from the top of the repository, after `make examples`.
 set -u
 
-# f3d draws through OpenGL, which needs a display: xvfb lends one. It must not read the user's settings.
+# f3d draws through OpenGL, which needs a display: xvfb lends one. --dry-run keeps it from reading the user's settings.
 shot() {
     input=$1
     output=$2
     shift 2
     rm -f "$output"
     timeout 120 xvfb-run -a -s "-screen 0 1600x1200x24" f3d "$input" --output "$output" --dry-run --quiet --up=+Z \
-        --resolution=1400,700 --bg-color=1,1,1 --camera-view-up=0,0,1 --fxaa "$@" > /dev/null 2>&1
+        --bg-color=1,1,1 --camera-view-up=0,0,1 --ssao --fxaa --tone-mapping "$@" > /dev/null 2>&1
     if [ -s "$output" ]; then echo "picture: $output"; else echo "no picture of $input: f3d failed" && return 1; fi
 }
 
-# The skin at several moments on the slope; and the last frame's elements, coloured by stress.
+# scene FOLDER PICTURE: the skin at several moments.
 scene() {
-    shot "$1/scene.ply" "$2" --scalars=RGB --comp=-2 --ssao --roughness=0.8 --camera-position=0.6,-11,4.2 \
-        --camera-focal-point=0,0,0.75 --camera-view-angle=26
+    shot "$1/scene.ply" "$2" --resolution=1400,640 --scalars=RGB --comp=-2 --roughness=0.5 \
+        --camera-position=0.3,-11,4.6 --camera-focal-point=-0.05,0,1.15 --camera-view-angle=20
 }
 
+# The value that nine in ten elements stay below.
+stress_range() {
+    sed -n '/von_mises/,/DataArray>/p' "$1" | grep -v DataArray | sort -g |
+        awk '{ v[NR] = $1 } END { print v[int(0.9 * NR) + 1] }'
+}
+
+# elements FOLDER PICTURE: the elements in the middle of the tumble, coloured by stress.
 elements() {
-    [ -e "$1/elements_0000.vtu" ] || return 1
-    last=$(ls "$1"/elements_*.vtu | tail -n 1)
-    shot "$last" "$2" --scalars=von_mises --cells --edges --ssao --roughness=0.8 \
-        --colormap=0,0.25,0.45,0.8,0.5,0.9,0.9,0.85,1,0.85,0.25,0.15 --camera-azimuth-angle=25 \
-        --camera-elevation-angle=20
+    frame=$1/elements_0012.vtu
+    [ -e "$frame" ] || return 1
+    shot "$frame" "$2" --resolution=1000,640 --scalars=von_mises --cells --roughness=0.6 \
+        --range="0,$(stress_range "$frame")" --colormap=0,0.25,0.45,0.8,0.3,0.9,0.9,0.85,1,0.85,0.25,0.15 \
+        --camera-azimuth-angle=25 --camera-elevation-angle=20 --camera-view-angle=20
 }
 
 can_draw() { command -v f3d > /dev/null && command -v xvfb-run > /dev/null; }

@@ -187,6 +187,7 @@
 #include "dgfem/forms.c"
 #include "dgfem/sparse.c"
 #include "dgfem/ordering.c"
+#include "dgfem/panel.c"
 #include "dgfem/cholesky.c"
 #include "dgfem/pcg.c"
 #include "dgfem/locate.c"

@@ -18,8 +18,9 @@ done | xargs -0 -P "${JOBS:-2}" -I{} sh -c '
     set -- $1
     n=$1
     shift
+    start=$(date +%s)
     timeout "$SECONDS_EACH" $RUNNER "$@" > "$logs/$n.log" 2>&1
-    echo $? > "$logs/$n.status"' sh {}
+    echo "$? $(($(date +%s) - start))" > "$logs/$n.status"' sh {}
 
 # The sum of the counts in cmocka's lines "[  PASSED  ] 5 test(s)." or "[  FAILED  ] 1 test(s), listed below:".
 count() { sed -n "s/^\[  $1  \] \([0-9][0-9]*\) test(s).*/\1/p" "$2" | awk '{ n += $1 } END { print n + 0 }'; }
@@ -31,8 +32,8 @@ n=0
 for command; do
     n=$((n + 1))
     log=$logs/$n.log
-    status=$(cat "$logs/$n.status" 2> /dev/null || echo 127)
-    echo "-- $command"
+    read -r status seconds 2> /dev/null < "$logs/$n.status" || { status=127; seconds=0; }
+    echo "-- $command ($seconds s)"
     [ -e "$log" ] || : > "$log"
     cat "$log"
     p=$(count PASSED "$log")

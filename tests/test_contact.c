@@ -227,6 +227,10 @@ static void test_activity(void **state) {
     s.body->shapes[0].desc.plane.offset = (dgfem_real)0.55;
     s.body->velocity[0] = vec3(0, 0, 5.1);
     assert_int_equal(assemble(&s, h), 0);
+    s.body->velocity[0] = vec3(0, 0, 4); /* it would not get out, but the damper would pull it in */
+    assert_int_equal(assemble(&s, h), 0);
+    s.body->velocity[0] = vec3(0, 0, 3);
+    assert_int_equal(assemble(&s, h), 1);
     s.body->velocity[0] = vec3(0, 0, 0);
     assert_int_equal(assemble(&s, h), 1);
     check_near(s.b[0].z, h * k * 0.05, 256 * CHECK_EPSILON * h * k);

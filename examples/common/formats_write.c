@@ -295,8 +295,9 @@ static int vtu_build(vtu *v) {
     return 1;
 }
 
+/* At rest with all digits, so that what is closed and exact stays so; moved ones with enough to look at. */
 static void vtu_put_points(FILE *file, const vtu *v, formats_position_fn position, void *user, int displacement) {
-    int e, i;
+    int e, i, digits = displacement ? 6 : position ? 9 : 17;
     for (e = 0; e < v->mesh->element_count; e++)
         for (i = v->point_start[e]; i < v->point_start[e + 1]; i++) {
             dgfem_vec3 p = v->mesh->vertices[v->points[i]];
@@ -305,7 +306,7 @@ static void vtu_put_points(FILE *file, const vtu *v, formats_position_fn positio
                 if (displacement) now.x -= p.x, now.y -= p.y, now.z -= p.z;
                 p = now;
             }
-            fprintf(file, "%.17g %.17g %.17g\n", (double)p.x, (double)p.y, (double)p.z);
+            fprintf(file, "%.*g %.*g %.*g\n", digits, (double)p.x, digits, (double)p.y, digits, (double)p.z);
         }
 }
 

@@ -414,7 +414,7 @@ typedef struct dgfem_matrix_desc {
     unsigned cookie;
     int block_count;
     const int *block_sizes;     /* [block_count], each >= 1 */
-    const int *pairs;           /* [2 * pair_count] coupled blocks, either order, repeats allowed */
+    const int *pairs;           /* [2 * pair_count] coupled blocks, in any order; repeats and equal ones are allowed */
     int pair_count;
     const dgfem_vec3 *centres;  /* [block_count] where each block lives, for the ordering; or NULL */
     dgfem_hooks hooks;
@@ -425,7 +425,7 @@ typedef struct dgfem_matrix {
     int size;             /* number of unknowns */
     int *offset;          /* [block_count + 1] first unknown of each block */
     int *row_start;       /* [block_count + 1] */
-    int *column;          /* columns of row r, ascending; the last one is r itself: row_start[r] <= k < row_start[r + 1] */
+    int *column;          /* of row r, ascending: row_start[r] <= k < row_start[r + 1]; the last one is r itself */
     size_t *value_start;  /* [row_start[block_count] + 1] block k: row-major, size(r) x size(column[k]) */
     dgfem_real *values;
     dgfem_vec3 *centres;  /* [block_count] or NULL */
@@ -438,17 +438,17 @@ DGFEM_API void dgfem_matrix_destroy(dgfem_matrix *matrix);
 DGFEM_API void dgfem_matrix_clear(dgfem_matrix *matrix);
 
 /* The stored block (row >= column), row-major, to be read or written in place; NULL where there is none. Diagonal
-   blocks are stored whole and must be symmetric. */
+   blocks are stored whole and must be symmetric (the factorization reads their lower half only). */
 DGFEM_API dgfem_real *dgfem_matrix_block(const dgfem_matrix *matrix, int row, int column);
 
 /* y = A x; x and y are different vectors of matrix->size. */
 DGFEM_API void dgfem_matrix_multiply(const dgfem_matrix *matrix, const dgfem_real *x, dgfem_real *y);
 
 typedef enum dgfem_ordering {
-    DGFEM_ORDERING_AUTO,              /* nested dissection where centres are known, else minimum degree */
+    DGFEM_ORDERING_AUTO,              /* nested dissection or, without centres or if that is better, minimum degree */
     DGFEM_ORDERING_NATURAL,
     DGFEM_ORDERING_MINIMUM_DEGREE,
-    DGFEM_ORDERING_NESTED_DISSECTION
+    DGFEM_ORDERING_NESTED_DISSECTION  /* needs the matrix's centres */
 } dgfem_ordering;
 
 typedef struct dgfem_cholesky_desc {
@@ -462,9 +462,9 @@ typedef struct dgfem_cholesky dgfem_cholesky;
 
 typedef struct dgfem_cholesky_info {
     int failed_block;         /* the block whose pivot was not positive, or DGFEM_NONE */
-    double factor_entries;    /* numbers in L */
-    double factor_flops;      /* multiplications and additions of one factorization */
-    int supernodes;
+    double factor_entries;    /* numbers in L, without the zeros that are stored with them */
+    double factor_flops;      /* multiplications and additions of one factorization, without those on such zeros */
+    int supernodes;           /* dense panels that L is stored in */
 } dgfem_cholesky_info;
 
 DGFEM_API dgfem_cholesky_desc dgfem_default_cholesky_desc(void);
@@ -474,17 +474,20 @@ DGFEM_API dgfem_status dgfem_cholesky_create(const dgfem_matrix *matrix, const d
                                              dgfem_cholesky **out);
 DGFEM_API void dgfem_cholesky_destroy(dgfem_cholesky *cholesky);
 
-/* Factors a matrix of the pattern analysed. DGFEM_ERROR_NOT_POSITIVE_DEFINITE leaves the object usable for another
-   factorization; info (may be NULL) names the block. */
+/* Factors a matrix of the pattern analysed; allocates nothing. DGFEM_ERROR_NOT_POSITIVE_DEFINITE leaves the object
+   usable for another factorization; info (may be NULL) names the block. A pivot fails when it is not finite or not above
+   8 epsilon times the diagonal element that it began with: of that no digit is left. Round-off can lift the pivots of
+   a singular matrix above this bound; then the solution is large and has no correct digits. */
 DGFEM_API dgfem_status dgfem_cholesky_factor(dgfem_cholesky *cholesky, const dgfem_matrix *matrix,
                                              dgfem_cholesky_info *info);
 
-/* Solves A x = b by the last factorization; b and x may be the same vector. */
+/* Solves A x = b by the last factorization; b and x may be the same vector. Allocates nothing: the object's own work
+   vector serves one solve at a time. DGFEM_ERROR_ARGUMENT when the last factorization failed or there was none. */
 DGFEM_API dgfem_status dgfem_cholesky_solve(const dgfem_cholesky *cholesky, const dgfem_real *b, dgfem_real *x);
 
 typedef struct dgfem_pcg_desc {
     unsigned cookie;
-    dgfem_real tolerance;  /* on |b - A x| / |b| in the norm of the inverse diagonal blocks; default 1e-8 (float: 1e-5) */
+    dgfem_real tolerance;  /* on |b - A x| / |b| in the norm of the inverse diagonal blocks; default 1e-8, float 1e-5 */
     int max_iterations;    /* default 1000 */
     dgfem_real *work;      /* [5 * size + values of all diagonal blocks] or NULL: allocated inside */
     dgfem_hooks hooks;
@@ -492,7 +495,7 @@ typedef struct dgfem_pcg_desc {
 
 typedef struct dgfem_pcg_info {
     int iterations;
-    dgfem_real residual;   /* relative, as in tolerance */
+    dgfem_real residual;   /* relative, as in tolerance; of the x returned */
     int failed_block;      /* a diagonal block that is not positive definite, or DGFEM_NONE */
 } dgfem_pcg_info;
 
@@ -501,8 +504,9 @@ DGFEM_API dgfem_pcg_desc dgfem_default_pcg_desc(void);
 /* Number of dgfem_real that pcg's work array needs. */
 DGFEM_API size_t dgfem_pcg_work_size(const dgfem_matrix *matrix);
 
-/* Conjugate gradients with block-Jacobi; x holds the start vector and receives the result. On
-   DGFEM_ERROR_NOT_CONVERGED x is the best iterate. */
+/* Conjugate gradients with block-Jacobi; x holds the start vector and receives the result; b = 0 gives x = 0 at once.
+   On DGFEM_ERROR_NOT_CONVERGED (max_iterations reached, no more progress, or a breakdown, as with an indefinite matrix)
+   x is the best iterate. info may be NULL. */
 DGFEM_API dgfem_status dgfem_pcg(const dgfem_matrix *matrix, const dgfem_pcg_desc *desc, const dgfem_real *b,
                                  dgfem_real *x, dgfem_pcg_info *info);
 

@@ -197,13 +197,16 @@ static dgfem_real dgfemi_join_area(const dgfemi_joiner *joiner, int loop, dgfem_
     return sum;
 }
 
-/* Where edge a -> b crosses the line of height v, and whether downwards. 0 when it does not. */
-static int dgfemi_join_cross(const dgfemi_joiner *joiner, int a, int b, dgfem_real v, dgfem_real *at, int *down) {
-    dgfem_real va = dgfemi_join_v(joiner, a), vb = dgfemi_join_v(joiner, b), ua = dgfemi_join_u(joiner, a);
+/* Whether edge a -> b crosses the ray from (u, v) towards smaller u; where, and whether downwards. Loops may touch:
+   round-off does not hide an edge. */
+static int dgfemi_join_cross(const dgfemi_joiner *joiner, int a, int b, dgfem_real u, dgfem_real v, dgfem_real *at,
+                             int *down) {
+    dgfem_real va = dgfemi_join_v(joiner, a), vb = dgfemi_join_v(joiner, b);
+    dgfem_real ua = dgfemi_join_u(joiner, a), ub = dgfemi_join_u(joiner, b);
     if ((va > v) == (vb > v)) return 0;
     *down = va > v;
-    *at = ua + (v - va) / (vb - va) * (dgfemi_join_u(joiner, b) - ua);
-    return 1;
+    *at = ua + (v - va) / (vb - va) * (ub - ua);
+    return *at <= u + 16 * DGFEM_EPSILON * (dgfemi_abs(ua) + dgfemi_abs(ub) + dgfemi_abs(va) + dgfemi_abs(vb));
 }
 
 /* The loop that a ray from this loop's vertex of smallest u towards smaller u meets first. An edge that bounds the
@@ -225,8 +228,8 @@ static int dgfemi_join_hole_neighbour(const dgfemi_joiner *joiner, int hole, int
         if (loop == hole) continue;
         for (i = start[loop]; i < start[loop + 1]; i++) {
             a = b, b = vertices[i];
-            if (!dgfemi_join_cross(joiner, a, b, v, &at, &down) || (known && !down)) continue;
-            if (at <= u && (nearest == DGFEM_NONE || at > best)) nearest = loop, nearest_down = down, best = at;
+            if (!dgfemi_join_cross(joiner, a, b, u, v, &at, &down) || (known && !down)) continue;
+            if (nearest == DGFEM_NONE || at > best) nearest = loop, nearest_down = down, best = at;
         }
     }
     return nearest_down ? nearest : DGFEM_NONE;

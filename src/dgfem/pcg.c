@@ -70,8 +70,8 @@ static int dgfemi_invert_diagonal(const dgfem_matrix *matrix, dgfem_real *invers
     int r;
     for (r = 0; r < matrix->block_count; r++) {
         int n = dgfemi_block_size(matrix, r);
-        size_t count = (size_t)n * (size_t)n;
-        memcpy(inverse, matrix->values + matrix->value_start[dgfemi_diagonal_index(matrix, r)], count * sizeof *inverse);
+        size_t count = (size_t)n * (size_t)n, from = matrix->value_start[dgfemi_diagonal_index(matrix, r)];
+        memcpy(inverse, matrix->values + from, count * sizeof *inverse);
         if (!dgfemi_cholesky_dense(inverse, n)) return r;
         dgfemi_invert_from_cholesky(inverse, n);
         inverse += count;

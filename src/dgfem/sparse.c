@@ -70,7 +70,7 @@ static void dgfemi_restore_starts(int *starts, int buckets) {
     starts[0] = 0;
 }
 
-/* The pairs below the diagonal, sorted by column: row[k], starts[column] <= k < starts[column + 1], repeats included. */
+/* The pairs below the diagonal, sorted by column: row[k], starts[column] <= k < starts[column + 1]; with repeats. */
 static void dgfemi_pairs_by_column(const dgfem_matrix_desc *desc, int *starts, int *row) {
     int pass, i;
     memset(starts, 0, ((size_t)desc->block_count + 1) * sizeof *starts);

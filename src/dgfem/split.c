@@ -111,6 +111,7 @@ typedef struct dgfemi_splitter {
     /* one face */
     dgfemi_segments pieces, lines;
     dgfemi_crossings ups, downs, ons;
+    int along_axis, along_back;
     dgfemi_ints scratch_a, scratch_b;
     dgfemi_joiner joiner;
 } dgfemi_splitter;
@@ -452,50 +453,68 @@ static void dgfemi_crossings_sort(dgfemi_crossings *crossings) {
         qsort(crossings->data, (size_t)crossings->count, sizeof(dgfemi_crossing), dgfemi_crossing_compare);
 }
 
-/* Lists what a vertex b contributes, between its neighbours a and c: the crossing of edge a -> b, or one at b itself.
-   Vertices on the plane with both neighbours below are no crossings, and neither are those with none. */
-static dgfem_status dgfemi_split_list_vertex(dgfemi_splitter *s, int a, int b, int c, int axis) {
-    const dgfem_hooks *hooks = &s->mesh->hooks;
-    int sign_a = dgfemi_split_sign(s, a), sign_b = dgfemi_split_sign(s, b), vertex = DGFEM_NONE;
-    if (sign_a * sign_b < 0) {
-        vertex = dgfemi_split_crossing(s, a, b);
-        if (vertex == DGFEM_NONE) return DGFEM_ERROR_MEMORY;
-    } else if (sign_b == 0) {
-        if ((sign_a < 0) != (dgfemi_split_sign(s, c) < 0)) vertex = b;
-        if (!dgfemi_crossing_push(hooks, &s->ons, dgfemi_axis(s->mesh->vertices[b], axis), b)) return DGFEM_ERROR_MEMORY;
-    }
-    if (vertex != DGFEM_NONE && !dgfemi_crossing_push(hooks, sign_a < 0 ? &s->ups : &s->downs,
-                                                      dgfemi_axis(s->mesh->vertices[vertex], axis), vertex))
-        return DGFEM_ERROR_MEMORY;
-    return DGFEM_OK;
+/* Where a vertex is along the cut line of the face at hand, in the direction in which that line closes the part below.
+   As a coordinate: nothing is rounded. */
+static dgfem_real dgfemi_split_along(const dgfemi_splitter *s, int vertex) {
+    dgfem_real t = dgfemi_axis(s->mesh->vertices[vertex], s->along_axis);
+    return s->along_back ? -t : t;
 }
 
-/* Lists the crossings of a face, up and down, and its vertices on the plane, each sorted along the cut line. */
+static void dgfemi_split_set_along(dgfemi_splitter *s, dgfem_vec3 face_normal) {
+    dgfem_vec3 along = dgfemi_cross(face_normal, s->normal);
+    dgfem_real x = dgfemi_abs(along.x), y = dgfemi_abs(along.y), z = dgfemi_abs(along.z);
+    s->along_axis = x >= y && x >= z ? 0 : y >= z ? 1 : 2;
+    s->along_back = dgfemi_axis(along, s->along_axis) < 0;
+}
+
+/* On which side of the plane the face is at its edge a -> b, which does not cross the plane. An edge in the plane has
+   the face on its left: below when it runs along the cut line. */
+static int dgfemi_split_edge_side(const dgfemi_splitter *s, int a, int b) {
+    int side = dgfemi_split_sign(s, a) + dgfemi_split_sign(s, b);
+    return side != 0 ? side : dgfemi_split_along(s, b) > dgfemi_split_along(s, a) ? -1 : 1;
+}
+
+/* Lists what a vertex b contributes, between its neighbours a and c: where the loop passes to the other side, on edge
+   a -> b or at b; and b as a vertex on the plane where the loop only touches it. */
+static int dgfemi_split_list_vertex(dgfemi_splitter *s, int a, int b, int c) {
+    const dgfem_hooks *hooks = &s->mesh->hooks;
+    int sign_a = dgfemi_split_sign(s, a), sign_b = dgfemi_split_sign(s, b), from = sign_a;
+    if (sign_b == 0) {
+        from = dgfemi_split_edge_side(s, a, b);
+        if ((from < 0) == (dgfemi_split_edge_side(s, b, c) < 0))
+            return dgfemi_crossing_push(hooks, &s->ons, dgfemi_split_along(s, b), b);
+    } else {
+        if (sign_a * sign_b >= 0) return 1;
+        b = dgfemi_split_crossing(s, a, b);
+        if (b == DGFEM_NONE) return 0;
+    }
+    return dgfemi_crossing_push(hooks, from < 0 ? &s->ups : &s->downs, dgfemi_split_along(s, b), b);
+}
+
+/* Lists the crossings of a face, up and down, and the vertices that touch the plane, each sorted along the cut line. */
 static dgfem_status dgfemi_split_list_crossings(dgfemi_splitter *s, const dgfem_face *face) {
     const dgfem_mesh *mesh = s->mesh;
-    dgfem_vec3 along = dgfemi_cross(face->normal, s->normal);
-    dgfem_real x = dgfemi_abs(along.x), y = dgfemi_abs(along.y), z = dgfemi_abs(along.z);
-    dgfem_status status = DGFEM_OK;
-    int axis = x >= y && x >= z ? 0 : y >= z ? 1 : 2, l, i;
+    int l, i;
     s->ups.count = s->downs.count = s->ons.count = 0;
+    dgfemi_split_set_along(s, face->normal);
     for (l = face->loop_start; l < face->loop_start + face->loop_count; l++) {
         int start = mesh->loops[l].start, count = mesh->loops[l].count;
-        for (i = 0; !status && i < count; i++)
-            status = dgfemi_split_list_vertex(s, mesh->loop_vertices[start + (i + count - 1) % count],
-                                              mesh->loop_vertices[start + i],
-                                              mesh->loop_vertices[start + (i + 1) % count], axis);
+        for (i = 0; i < count; i++)
+            if (!dgfemi_split_list_vertex(s, mesh->loop_vertices[start + (i + count - 1) % count],
+                                          mesh->loop_vertices[start + i], mesh->loop_vertices[start + (i + 1) % count]))
+                return DGFEM_ERROR_MEMORY;
     }
-    DGFEM_ASSERT(status || s->ups.count == s->downs.count);
+    DGFEM_ASSERT(s->ups.count == s->downs.count);
     dgfemi_crossings_sort(&s->ups);
     dgfemi_crossings_sort(&s->downs);
     dgfemi_crossings_sort(&s->ons);
-    return status;
+    return DGFEM_OK;
 }
 
-/* Fills s->lines with segments up -> down, broken at the vertices on the plane that they pass (one for each place):
+/* Fills s->lines with segments up -> down, broken at the vertices that touch them (one for each place):
 
          \      /
-          \ w  /          w: a vertex of the loop that comes down from above to touch the line
+          \ w  /          w: the loop comes down from above to touch the line
        ----+-+-------                                                                                */
 static dgfem_status dgfemi_split_list_lines(dgfemi_splitter *s) {
     const dgfem_hooks *hooks = &s->mesh->hooks;
@@ -516,14 +535,14 @@ static dgfem_status dgfemi_split_list_lines(dgfemi_splitter *s) {
     return DGFEM_OK;
 }
 
-/* Adds to s->pieces what edge a -> b has on one side. An edge without a vertex below is above. */
+/* Adds to s->pieces what edge a -> b has on one side. 1 on success, 0 when out of memory. */
 static int dgfemi_split_clip_edge(dgfemi_splitter *s, int a, int b, int side) {
     int sign_a = dgfemi_split_sign(s, a), sign_b = dgfemi_split_sign(s, b);
     if (sign_a * sign_b < 0) {
         int crossing = dgfemi_split_crossing(s, a, b); /* exists */
         if (sign_a == side) b = crossing;
         else a = crossing;
-    } else if ((sign_a < 0 || sign_b < 0) != (side < 0)) {
+    } else if ((dgfemi_split_edge_side(s, a, b) < 0) != (side < 0)) {
         return 1;
     }
     return dgfemi_segment_push(&s->mesh->hooks, &s->pieces, a, b);
@@ -535,10 +554,10 @@ static dgfem_status dgfemi_split_list_pieces(dgfemi_splitter *s, const dgfem_fac
     int l, i;
     s->pieces.count = 0;
     for (l = face->loop_start; l < face->loop_start + face->loop_count; l++) {
-        dgfem_loop loop = mesh->loops[l];
-        for (i = 0; i < loop.count; i++)
-            if (!dgfemi_split_clip_edge(s, mesh->loop_vertices[loop.start + i],
-                                        mesh->loop_vertices[loop.start + (i + 1) % loop.count], side))
+        int start = mesh->loops[l].start, count = mesh->loops[l].count;
+        for (i = 0; i < count; i++)
+            if (!dgfemi_split_clip_edge(s, mesh->loop_vertices[start + i], mesh->loop_vertices[start + (i + 1) % count],
+                                        side))
                 return DGFEM_ERROR_MEMORY;
     }
     for (i = 0; i < s->lines.count; i++) {
@@ -1079,15 +1098,56 @@ static int dgfemi_split_straddles(const dgfemi_splitter *s, int element) {
     return below && above;
 }
 
-/* Puts the marked vertices of the elements on the plane, all at once. 1 on success, 0 when out of memory. */
+/* 1 when the vertices strictly between corners `first` and `end` of a loop lie on the line through these two. */
+static int dgfemi_split_is_straight(const dgfemi_splitter *s, const int *loop, int count, int first, int end) {
+    const dgfem_vec3 *vertices = s->mesh->vertices;
+    dgfem_vec3 a = vertices[loop[first % count]], along = dgfemi_sub(vertices[loop[end % count]], a);
+    dgfem_real tolerance = 4 * s->high / dgfemi_norm(s->plane.normal) * dgfemi_norm(along);
+    int i;
+    for (i = first + 1; i < end; i++)
+        if (!(dgfemi_norm(dgfemi_cross(dgfemi_sub(vertices[loop[i % count]], a), along)) <= tolerance)) return 0;
+    return 1;
+}
+
+/* Where both ends of a straight run of edges are on the plane, or marked, so are the vertices between them: with them
+   beside it the run would enclose a sliver without area. Returns the number of new marks. */
+static int dgfemi_split_mark_runs(dgfemi_splitter *s, const int *loop, int count) {
+    int first, end, i, marks = 0;
+    for (first = 0; first < count; first++) {
+        if (!s->snap_mark[loop[first]] && dgfemi_split_sign(s, loop[first]) != 0) continue;
+        for (end = first + 1; end < first + count; end++)
+            if (s->snap_mark[loop[end % count]] || dgfemi_split_sign(s, loop[end % count]) == 0) break;
+        if (end == first + 1 || end == first + count || !dgfemi_split_is_straight(s, loop, count, first, end)) continue;
+        for (i = first + 1; i < end; i++) s->snap_mark[loop[i % count]] = 1;
+        marks += end - first - 1;
+    }
+    return marks;
+}
+
+static int dgfemi_split_mark_element_runs(dgfemi_splitter *s, int element) {
+    const dgfem_mesh *mesh = s->mesh;
+    const dgfem_element *e = &mesh->elements[element];
+    int k, l, marks = 0;
+    for (k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        for (l = face->loop_start; l < face->loop_start + face->loop_count; l++)
+            marks += dgfemi_split_mark_runs(s, mesh->loop_vertices + mesh->loops[l].start, mesh->loops[l].count);
+    }
+    return marks;
+}
+
+/* Puts the vertices of the elements that are to be snapped on the plane. 1 on success, 0 when out of memory. */
 static int dgfemi_split_snap(dgfemi_splitter *s, const int *elements, int count) {
     const dgfem_mesh *mesh = s->mesh;
-    void *marks = s->snap_mark;
-    int i, v, ok = dgfemi_mesh_room(&mesh->hooks, &marks, 0, &s->snap_mark_capacity, mesh->vertex_count, 1);
-    s->snap_mark = (signed char *)marks;
+    void *snap_mark = s->snap_mark;
+    int i, v, marks, ok = dgfemi_mesh_room(&mesh->hooks, &snap_mark, 0, &s->snap_mark_capacity, mesh->vertex_count, 1);
+    s->snap_mark = (signed char *)snap_mark;
     if (!ok) return 0;
     memset(s->snap_mark, 0, (size_t)mesh->vertex_count);
     for (i = 0; i < count; i++) dgfemi_split_mark_element(s, elements ? elements[i] : i);
+    do {
+        for (marks = 0, i = 0; i < count; i++) marks += dgfemi_split_mark_element_runs(s, elements ? elements[i] : i);
+    } while (marks > 0);
     for (v = 0; v < mesh->vertex_count; v++)
         if (s->snap_mark[v]) s->height[v] = 0, s->snapped = 1;
     return 1;
