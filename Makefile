@@ -124,11 +124,14 @@ check-long: ## the long campaigns of the tests, with all sanitizers, and all tes
 
 build/bench/%: bench/%.c $(PRODUCTS) $(COMMON) $(wildcard bench/*.h)
 	@mkdir -p $(@D)
-	@$(CC) -std=c99 $(POSIX) $(BENCH_FLAGS) $(WARNINGS) $(INCLUDES) -Ibench -o $@.$$$$ $< -lm && mv $@.$$$$ $@
+	@$(CC) -std=c99 $(POSIX) $(BENCH_FLAGS) $(WARNINGS) $(INCLUDES) -Ibench -o $@.$$$$ $< \
+	$(filter examples/common/%.c,$^) -lm && mv $@.$$$$ $@
 
 build-bench: $(BENCHES)
 
 bench: $(BENCHES) ## builds and runs the benchmarks
+	@.ci/need --optional npm
+	@$(MAKE) --no-print-directory build/bunny.obj
 	@for program in $(BENCHES); do echo "-- $$program"; $$program || exit 1; done
 
 # ---- the rest -------------------------------------------------------------------------------------------------------

@@ -202,6 +202,8 @@
    load.c             What acts on a solid: conditions (held faces and elements, pins, loads), contact shapes and
                       points.
    solve.c            Moving a solid: the time step and the static solve.
+   stability.c        How large the penalty must be: a bound per element that guarantees a positive definite stiffness
+                      for any rotations of the elements, and a search by factorization.
    query.c            Asking a solid: fields at a point, energies, momenta, volume, internal force; setting affine
                       fields.
    skin.c             A render mesh that follows a body: positions by embedding, normals from its own triangles. */
@@ -949,6 +951,22 @@ DGFEM_API dgfem_status dgfem_body_step(dgfem_body *body, dgfem_real dt, dgfem_st
 /* Static equilibrium of loads and fixtures (contact takes no part): with warping, repeated solves with new rotations.
    Velocities become zero. DGFEM_ERROR_NOT_CONVERGED leaves the body as it was. */
 DGFEM_API dgfem_status dgfem_body_solve_static(dgfem_body *body, const dgfem_static_desc *desc, dgfem_step_info *info);
+
+/* ---- stability of the interior penalty ---- */
+
+/* theta of an element: where eta > theta in all elements the stiffness is positive definite, whatever the elements'
+   rotations. Usually below 3; grows with the number of differently oriented faces of an element. Sufficient, not
+   necessary. Without meaning for BZ, which is stable for every eta. */
+DGFEM_API dgfem_status dgfem_body_stability_bound(const dgfem_body *body, int element, dgfem_real *theta);
+
+/* Sets the penalty factor of all faces. */
+DGFEM_API dgfem_status dgfem_body_set_eta(dgfem_body *body, dgfem_real eta);
+
+/* Doubles eta, ten times at most, until the unrotated stiffness can be factored, and returns what it is then. Where it
+   had to be doubled, set twice that value before warping. DGFEM_ERROR_NOT_POSITIVE_DEFINITE leaves eta as it was. */
+DGFEM_API dgfem_status dgfem_body_find_eta(dgfem_body *body, dgfem_real *eta);
+
+/* ---- state of a body ---- */
 
 /* Displacement, velocity and deformation gradient of an element's polynomial at a rest position (inside or not). */
 DGFEM_API dgfem_vec3 dgfem_body_displacement(const dgfem_body *body, int element, dgfem_vec3 rest);
@@ -5936,6 +5954,7 @@ typedef struct dgfemi_parts {
     const int *codes;       /* the set at hand */
     int code_count;
     int count;              /* number of components */
+    int crowded;            /* 1: some edge has more than two faces */
     int *component;         /* [code_count] numbered in the order of their first faces */
     int *parent;            /* [code_count] union-find */
     dgfem_real *volume;     /* [count] once measured */
@@ -5962,8 +5981,11 @@ static int dgfemi_parts_join(dgfemi_parts *c, int k) {
         for (i = 0; i < count; i++) {
             dgfemi_edge_slot *slot = dgfemi_edge_map_at(&c->edges, last, loop[i]);
             if (dgfemi_edge_map_has(&c->edges, slot)) {
-                int a = dgfemi_root(c->parent, slot->value), b = dgfemi_root(c->parent, k);
+                int other = slot->value < 0 ? ~slot->value : slot->value; /* ~: has two faces */
+                int a = dgfemi_root(c->parent, other), b = dgfemi_root(c->parent, k);
                 c->parent[a > b ? a : b] = a > b ? b : a;
+                c->crowded |= slot->value < 0;
+                slot->value = ~other;
             } else if (!dgfemi_edge_map_set(&mesh->hooks, &c->edges, slot, last, loop[i], k)) {
                 return 0;
             }
@@ -5985,6 +6007,7 @@ static int dgfemi_parts_find(dgfemi_parts *c, const dgfemi_ints *codes) {
     if (!ok) return 0;
     c->codes = codes->data;
     c->code_count = codes->count;
+    c->crowded = 0;
     for (k = 0; k < c->code_count; k++) {
         c->parent[k] = k;
         corners += (size_t)dgfemi_mesh_face_corners(mesh, c->codes[k] / 2);
@@ -6439,7 +6462,7 @@ typedef struct dgfemi_splitter {
     dgfem_real low, high; /* vertices below have height < low, vertices above height > high; equal for an axis */
     dgfem_plane plane;    /* not for an axis */
     int snapped;          /* 1: some vertex counts as on the plane that is off it by more than round-off */
-    signed char *snap_mark; /* [vertex_count] while snapping */
+    signed char *snap_mark; /* [vertex_count] 1: to be snapped; -1: must not be */
     dgfem_real *extent;   /* [2 * face_count] axis: the face's lowest and highest coordinate; not known when reversed */
     int height_capacity, snap_mark_capacity, extent_capacity, extent_count;
     dgfemi_ints selected; /* elements that straddle the plane */
@@ -6452,6 +6475,7 @@ typedef struct dgfemi_splitter {
     unsigned *element_mark;                                      /* [element_count] given or renewed */
     int cut_capacity, element_mark_capacity;
     dgfemi_ints cut_faces;
+    int failed_element;                                          /* on failure: the last one tried */
     dgfemi_split_child *children;
     dgfemi_ints child_faces;                                     /* codes */
     dgfemi_split_reloop *reloops;
@@ -6619,43 +6643,51 @@ static int dgfemi_split_is_bent(const dgfemi_splitter *s, int loops) {
     return 0;
 }
 
-/* Writes the triangles of the region made of the last loops to s->scratch_b. */
-static dgfem_status dgfemi_split_triangulate(dgfemi_splitter *s, int loops, int *triangles) {
-    const dgfem_mesh *mesh = s->mesh;
-    const dgfem_loop *loop = mesh->loops + mesh->loop_count - loops;
-    int face_loops[2], capacity = mesh->loop_vertex_count - loop->start + 2 * (loops - 1), l;
-    dgfem_polyhedron region;
-    s->scratch_a.count = s->scratch_b.count = 0;
-    if (!dgfemi_split_room(&mesh->hooks, &s->scratch_a, loops + 1) ||
-        !dgfemi_split_room(&mesh->hooks, &s->scratch_b, 3 * capacity))
-        return DGFEM_ERROR_MEMORY;
-    for (l = 0; l <= loops; l++)
-        s->scratch_a.data[l] = (l < loops ? loop[l].start : mesh->loop_vertex_count) - loop->start;
-    face_loops[0] = 0, face_loops[1] = loops;
-    memset(&region, 0, sizeof region);
-    region.vertices = mesh->vertices, region.vertex_count = mesh->vertex_count;
-    region.face_count = 1;
-    region.face_loops = face_loops, region.loop_start = s->scratch_a.data;
-    region.loop_vertices = mesh->loop_vertices + loop->start;
-    region.hooks = mesh->hooks;
-    region.hooks.log = NULL; /* the caller logs */
-    return dgfem_polyhedron_triangulate_face(&region, 0, s->scratch_b.data, capacity, triangles);
+/* The middle of a region that snapping has bent, moved onto the plane. */
+static dgfem_vec3 dgfemi_split_bent_centre(const dgfemi_splitter *s, const int *loop, int count) {
+    const dgfem_vec3 *vertices = s->mesh->vertices;
+    dgfem_vec3 origin = vertices[loop[0]], moment = dgfemi_vec3(0, 0, 0), centre, n = s->plane.normal;
+    dgfem_real twice = 0;
+    int i;
+    for (i = 2; i < count; i++) {
+        dgfem_vec3 a = dgfemi_sub(vertices[loop[i - 1]], origin), b = dgfemi_sub(vertices[loop[i]], origin);
+        dgfem_real area = dgfemi_dot(s->normal, dgfemi_cross(a, b));
+        twice += area;
+        moment = dgfemi_add_scaled(moment, area, dgfemi_add(a, b));
+    }
+    centre = dgfemi_add_scaled(origin, 1 / (3 * twice), moment);
+    return dgfemi_add_scaled(centre, (s->plane.offset - dgfemi_dot(n, centre)) / dgfemi_dot(n, n), n);
 }
 
-/* A region that snapping has bent becomes triangles, each in its own plane: exact integrals need planar faces. */
+/* A triangle of a bent region must keep this fraction of the area that it would have if all were alike. */
+#define DGFEM_BENT_AREA DGFEM_R(1e-3)
+
+/* A region that snapping has bent becomes triangles around its middle, each in its own plane: exact integrals need
+   planar faces. Refuses holes and regions whose middle does not see all of their boundary. */
 static dgfem_status dgfemi_split_add_bent(dgfemi_splitter *s, const dgfem_face *like, int loops) {
     dgfem_mesh *mesh = s->mesh;
-    int first = mesh->loop_count - loops, start = mesh->loops[first].start, triangles = 0, t;
-    dgfem_status status = dgfemi_split_triangulate(s, loops, &triangles);
-    if (status) return status;
-    mesh->loop_count = first, mesh->loop_vertex_count = start;
-    for (t = 0; t < triangles; t++) {
-        const int *v = s->scratch_b.data + 3 * t;
-        dgfem_vec3 a = mesh->vertices[v[0]];
-        dgfem_vec3 normal = dgfemi_normalized(dgfemi_cross(dgfemi_sub(mesh->vertices[v[1]], a),
-                                                           dgfemi_sub(mesh->vertices[v[2]], a)));
-        if (!(dgfemi_dot(normal, normal) > 0)) normal = like->normal;
-        if (dgfemi_mesh_add_loop(mesh, v, 3) == DGFEM_NONE || !dgfemi_split_add_face(mesh, like, 1, normal))
+    int count = mesh->loops[mesh->loop_count - 1].count, start = mesh->loops[mesh->loop_count - 1].start, centre, i;
+    dgfem_real whole;
+    if (loops > 1) return DGFEM_ERROR_DEGENERATE;
+    s->scratch_a.count = 0;
+    for (i = 0; i < count; i++)
+        if (!dgfemi_push(&mesh->hooks, &s->scratch_a, mesh->loop_vertices[start + i])) return DGFEM_ERROR_MEMORY;
+    mesh->loop_count--, mesh->loop_vertex_count = start;
+    centre = dgfemi_split_add_vertex(s, dgfemi_split_bent_centre(s, s->scratch_a.data, count));
+    if (centre == DGFEM_NONE) return DGFEM_ERROR_MEMORY;
+    for (i = 0, whole = 0; i < 2 * count; i++) { /* the areas, then the faces */
+        int triangle[3];
+        dgfem_vec3 p = mesh->vertices[centre], a, b, area;
+        triangle[0] = centre, triangle[1] = s->scratch_a.data[i % count], triangle[2] = s->scratch_a.data[(i + 1) % count];
+        a = dgfemi_sub(mesh->vertices[triangle[1]], p), b = dgfemi_sub(mesh->vertices[triangle[2]], p);
+        area = dgfemi_cross(a, b);
+        if (i < count) {
+            whole += dgfemi_dot(area, s->normal);
+            continue;
+        }
+        if (!(dgfemi_dot(area, s->normal) > DGFEM_BENT_AREA * whole / (dgfem_real)count)) return DGFEM_ERROR_DEGENERATE;
+        if (dgfemi_mesh_add_loop(mesh, triangle, 3) == DGFEM_NONE ||
+            !dgfemi_split_add_face(mesh, like, 1, dgfemi_normalized(area)))
             return DGFEM_ERROR_MEMORY;
     }
     return DGFEM_OK;
@@ -7154,6 +7186,9 @@ static dgfem_status dgfemi_split_add_components(dgfemi_splitter *s, const dgfemi
     dgfem_status status;
     int i;
     if (!dgfemi_parts_find(&s->parts, codes) || !dgfemi_parts_measure(&s->parts)) return DGFEM_ERROR_MEMORY;
+    if (s->parts.crowded)
+        return dgfemi_fail(&s->mesh->hooks, DGFEM_ERROR_INVARIANT, "element %d: a part meets itself at an edge",
+                           child->parent);
     status = dgfemi_split_check_volumes(s, child);
     if (!status) status = dgfemi_parts_attach_voids(&s->parts);
     for (i = 0; !status && i < s->parts.count; i++)
@@ -7370,6 +7405,7 @@ static dgfem_status dgfemi_split_straddling(dgfemi_splitter *s, const int *eleme
     for (i = 0; !status && i < count; i++) {
         s->element_mark[elements[i]] = s->generation;
         status = dgfemi_split_element(s, elements[i]);
+        s->failed_element = elements[i];
     }
     if (!status && !s->all) status = dgfemi_split_renew_neighbours(s);
     if (!status && !s->all) status = dgfemi_split_reloop_faces(s);
@@ -7424,8 +7460,8 @@ static int dgfemi_split_set_plane(dgfemi_splitter *s, dgfem_plane plane) {
 static void dgfemi_split_mark_edge(dgfemi_splitter *s, int a, int b) {
     dgfem_real height_a = dgfemi_abs(s->height[a]), height_b = dgfemi_abs(s->height[b]);
     if (dgfemi_split_sign(s, a) * dgfemi_split_sign(s, b) >= 0) return;
-    if (height_a < s->snap * height_b) s->snap_mark[a] = 1;
-    if (height_b < s->snap * height_a) s->snap_mark[b] = 1;
+    if (height_a < s->snap * height_b && s->snap_mark[a] == 0) s->snap_mark[a] = 1;
+    if (height_b < s->snap * height_a && s->snap_mark[b] == 0) s->snap_mark[b] = 1;
 }
 
 /* Marks the vertices of an element that are near the plane compared with the other end of an edge that crosses it. */
@@ -7470,17 +7506,17 @@ static int dgfemi_split_is_straight(const dgfemi_splitter *s, const int *loop, i
 static int dgfemi_split_mark_runs(dgfemi_splitter *s, const int *loop, int count) {
     int first, end, i, marks = 0;
     for (first = 0; first < count; first++) {
-        if (!s->snap_mark[loop[first]] && dgfemi_split_sign(s, loop[first]) != 0) continue;
+        if (s->snap_mark[loop[first]] != 1 && dgfemi_split_sign(s, loop[first]) != 0) continue;
         for (end = first + 1; end < first + count; end++)
-            if (s->snap_mark[loop[end % count]] || dgfemi_split_sign(s, loop[end % count]) == 0) break;
+            if (s->snap_mark[loop[end % count]] == 1 || dgfemi_split_sign(s, loop[end % count]) == 0) break;
         if (end == first + 1 || end == first + count || !dgfemi_split_is_straight(s, loop, count, first, end)) continue;
-        for (i = first + 1; i < end; i++) s->snap_mark[loop[i % count]] = 1;
-        marks += end - first - 1;
+        for (i = first + 1; i < end; i++)
+            if (s->snap_mark[loop[i % count]] == 0) s->snap_mark[loop[i % count]] = 1, marks++;
     }
     return marks;
 }
 
-static int dgfemi_split_mark_element_runs(dgfemi_splitter *s, int element) {
+static int dgfemi_split_mark_runs_of(dgfemi_splitter *s, int element) {
     const dgfem_mesh *mesh = s->mesh;
     const dgfem_element *e = &mesh->elements[element];
     int k, l, marks = 0;
@@ -7492,28 +7528,34 @@ static int dgfemi_split_mark_element_runs(dgfemi_splitter *s, int element) {
     return marks;
 }
 
-/* Puts the vertices of the elements that are to be snapped on the plane. 1 on success, 0 when out of memory. */
-static int dgfemi_split_snap(dgfemi_splitter *s, const int *elements, int count) {
+/* Makes all marks zero. 1 on success, 0 when out of memory. */
+static int dgfemi_split_clear_marks(dgfemi_splitter *s) {
     const dgfem_mesh *mesh = s->mesh;
     void *snap_mark = s->snap_mark;
-    int i, v, marks, ok = dgfemi_mesh_room(&mesh->hooks, &snap_mark, 0, &s->snap_mark_capacity, mesh->vertex_count, 1);
+    int ok = dgfemi_mesh_room(&mesh->hooks, &snap_mark, 0, &s->snap_mark_capacity, mesh->vertex_count, 1);
     s->snap_mark = (signed char *)snap_mark;
-    if (!ok) return 0;
-    memset(s->snap_mark, 0, (size_t)mesh->vertex_count);
+    if (ok && mesh->vertex_count > 0) memset(s->snap_mark, 0, (size_t)mesh->vertex_count);
+    return ok;
+}
+
+/* Puts the vertices of the elements that are to be snapped on the plane. */
+static void dgfemi_split_snap(dgfemi_splitter *s, const int *elements, int count) {
+    int i, v, marks;
+    for (v = 0; v < s->mesh->vertex_count; v++)
+        if (s->snap_mark[v] == 1) s->snap_mark[v] = 0;
     for (i = 0; i < count; i++) dgfemi_split_mark_element(s, elements ? elements[i] : i);
     do {
-        for (marks = 0, i = 0; i < count; i++) marks += dgfemi_split_mark_element_runs(s, elements ? elements[i] : i);
+        for (marks = 0, i = 0; i < count; i++) marks += dgfemi_split_mark_runs_of(s, elements ? elements[i] : i);
     } while (marks > 0);
-    for (v = 0; v < mesh->vertex_count; v++)
-        if (s->snap_mark[v]) s->height[v] = 0, s->snapped = 1;
-    return 1;
+    for (v = 0; v < s->mesh->vertex_count; v++)
+        if (s->snap_mark[v] == 1) s->height[v] = 0, s->snapped = 1;
 }
 
 /* Sets the plane and selects those of the elements (NULL: of the first `count`) that straddle it. */
 static dgfem_status dgfemi_split_select(dgfemi_splitter *s, dgfem_plane plane, const int *elements, int count) {
     int i;
-    if (!dgfemi_split_set_plane(s, plane) || (s->snap > 0 && !dgfemi_split_snap(s, elements, count)))
-        return dgfemi_fail_memory(&s->mesh->hooks);
+    if (!dgfemi_split_set_plane(s, plane)) return dgfemi_fail_memory(&s->mesh->hooks);
+    if (s->snap > 0) dgfemi_split_snap(s, elements, count);
     s->selected.count = 0;
     for (i = 0; i < count; i++) {
         int element = elements ? elements[i] : i;
@@ -7523,11 +7565,46 @@ static dgfem_status dgfemi_split_select(dgfemi_splitter *s, dgfem_plane plane, c
     return DGFEM_OK;
 }
 
-/* Splits those of the given elements that straddle the plane, in place; they are s->selected, their children
-   s->children. On failure the mesh is as it was. Leaves dead items. */
-static dgfem_status dgfemi_split_elements(dgfemi_splitter *s, dgfem_plane plane, const int *elements, int count) {
+/* One attempt; where vertices were snapped it fails silently. */
+static dgfem_status dgfemi_split_try(dgfemi_splitter *s, dgfem_plane plane, const int *elements, int count) {
+    dgfem_hooks hooks = s->mesh->hooks;
     dgfem_status status = dgfemi_split_select(s, plane, elements, count);
-    if (!status) status = dgfemi_split_straddling(s, s->selected.data, s->selected.count);
+    if (status) return status;
+    if (s->snapped) s->mesh->hooks.log = NULL;
+    status = dgfemi_split_straddling(s, s->selected.data, s->selected.count);
+    s->mesh->hooks.log = hooks.log;
+    return s->snapped && status == DGFEM_ERROR_MEMORY ? dgfemi_fail_memory(&hooks) : status;
+}
+
+/* Forbids to snap the vertices of an element. */
+static void dgfemi_split_release(dgfemi_splitter *s, int element) {
+    const dgfem_mesh *mesh = s->mesh;
+    const dgfem_element *e = &mesh->elements[element];
+    int k, l, i;
+    for (k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        for (l = face->loop_start; l < face->loop_start + face->loop_count; l++)
+            for (i = 0; i < mesh->loops[l].count; i++)
+                s->snap_mark[mesh->loop_vertices[mesh->loops[l].start + i]] = -1;
+    }
+}
+
+/* Splits those of the given elements (NULL: of the first `count`) that straddle the plane, in place; they are
+   s->selected, their children s->children. On failure the mesh is as it was. Leaves dead items. An element that does not
+   take the snapping well keeps its vertices off the plane. */
+static dgfem_status dgfemi_split_elements(dgfemi_splitter *s, dgfem_plane plane, const int *elements, int count) {
+    enum { MAX_RELEASES = 16 };
+    dgfem_real snap = s->snap;
+    dgfem_status status;
+    int releases;
+    if (snap > 0 && !dgfemi_split_clear_marks(s)) return dgfemi_fail_memory(&s->mesh->hooks);
+    status = dgfemi_split_try(s, plane, elements, count);
+    for (releases = 1; status && status != DGFEM_ERROR_MEMORY && s->snapped; releases++) {
+        dgfemi_split_release(s, s->failed_element);
+        if (releases == MAX_RELEASES) s->snap = 0;
+        status = dgfemi_split_try(s, plane, elements, count);
+    }
+    s->snap = snap;
     return status;
 }
 
@@ -7540,36 +7617,37 @@ static dgfem_status dgfemi_split_check_plane(const dgfem_hooks *hooks, dgfem_pla
     return DGFEM_OK;
 }
 
-/* Splits the selected elements on a copy, because the compaction, too, can fail. */
-static dgfem_status dgfemi_split_copy(dgfemi_splitter *s, dgfem_mesh *mesh) {
+/* On a copy, because the compaction, too, can fail. */
+static dgfem_status dgfemi_mesh_split(dgfem_mesh *mesh, dgfem_plane plane, dgfem_real snap, int *split) {
     dgfem_mesh *copy = dgfemi_mesh_duplicate(mesh);
+    dgfemi_splitter s;
     dgfem_status status;
     if (!copy) return dgfemi_fail_memory(&mesh->hooks);
-    dgfemi_splitter_attach(s, copy);
-    status = dgfemi_split_straddling(s, s->selected.data, s->selected.count);
-    if (!status) status = dgfemi_mesh_compact(copy);
-    if (!status) dgfemi_mesh_swap(mesh, copy);
-    dgfemi_splitter_attach(s, mesh);
+    s = dgfemi_splitter_make(copy);
+    s.snap = snap;
+    s.components = s.all = s.measure = 1;
+    status = dgfemi_split_elements(&s, plane, NULL, copy->element_count);
+    if (!status && s.selected.count > 0) status = dgfemi_mesh_compact(copy);
+    if (!status) {
+        *split = s.selected.count;
+        dgfemi_mesh_swap(mesh, copy);
+    }
+    dgfemi_splitter_free(&s);
     dgfem_mesh_destroy(copy);
     return status;
 }
 
 DGFEM_API dgfem_status dgfem_mesh_split_plane(dgfem_mesh *mesh, dgfem_plane plane, dgfem_real snap, int *split) {
-    dgfemi_splitter s;
     dgfem_status status;
+    int count = 0;
     if (split) *split = 0;
     if (!mesh) return DGFEM_ERROR_ARGUMENT;
     status = dgfemi_split_check_plane(&mesh->hooks, plane);
     if (status) return status;
     if (!(snap >= 0) || !(snap < 1))
         return dgfemi_fail(&mesh->hooks, DGFEM_ERROR_ARGUMENT, "snap %g is not in [0, 1)", (double)snap);
-    s = dgfemi_splitter_make(mesh);
-    s.snap = snap;
-    s.components = s.all = s.measure = 1;
-    status = dgfemi_split_select(&s, plane, NULL, mesh->element_count);
-    if (!status && s.selected.count > 0) status = dgfemi_split_copy(&s, mesh);
-    if (!status && split) *split = s.selected.count;
-    dgfemi_splitter_free(&s);
+    status = dgfemi_mesh_split(mesh, plane, snap, &count);
+    if (!status && split) *split = count;
     return status;
 }
 
@@ -14414,6 +14492,202 @@ DGFEM_API dgfem_status dgfem_body_solve_static(dgfem_body *body, const dgfem_sta
         status = dgfemi_fail(&body->hooks, DGFEM_ERROR_UNCONSTRAINED, "static solve: nothing holds the body");
     if (!status) status = dgfemi_solve_static(body, desc, &local);
     if (info) *info = local;
+    return status;
+}
+
+/* ==== stability.c ================================================================================================= */
+
+/* How large the penalty must be: a bound per element that guarantees a positive definite stiffness for any rotations of
+   the elements, and a search by factorization.
+
+   The consistency terms of element K are bounded by its strain energy through
+     theta_K = max over v of  sum over faces f of  w_f / (g_f p^2) int_f (sigma n) . (N^T C N)^-1 (sigma n)
+                              / int_K sigma : eps,
+   where N^T C N = mu I + (lambda + mu) n n^T, w_f = 1/2 between elements and 1 on held faces. eta > theta_K in all
+   elements suffices: |R sigma n| = |sigma n|, so rotations change nothing. theta_K is the largest eigenvalue of a
+   matrix pair on the complement of rigid motions, where both vanish. */
+
+#define DGFEM_MAX_UNKNOWNS (3 * DGFEM_MAX_BASIS)
+
+/* Coefficients of the traction sigma(N_j e_b) n in face monomials of degree below p: out[k] is the 3x3 matrix of
+   monomial k (rows: components of the traction, columns: b). */
+static void dgfemi_traction_coefficients(const dgfemi_face_frame *frame, int j, dgfem_vec3 n, dgfem_real lambda,
+                                         dgfem_real mu, dgfem_mat3 *out) {
+    int lower_count = dgfem_monomial_count(frame->degree - 1);
+    dgfem_vec3 gradient[DGFEM_MAX_BASIS];
+    memset(gradient, 0, sizeof gradient);
+    for (int k = 1; k < frame->count; k++)
+        for (int axis = 0; axis < 3; axis++) {
+            int lower = dgfemi_derivative_index(k, axis);
+            if (lower == DGFEM_NONE) continue;
+            dgfem_real d = (dgfem_real)dgfemi_exponents[k][axis] * frame->jump[j][k] / frame->scale;
+            if (axis == 0) gradient[lower].x += d;
+            if (axis == 1) gradient[lower].y += d;
+            if (axis == 2) gradient[lower].z += d;
+        }
+    for (int k = 0; k < lower_count; k++) out[k] = dgfemi_elastic_block(lambda, mu, n, gradient[k]);
+}
+
+/* a += s int_f T_i^T W T_j for all functions of the element, which is side 0 of the frame. */
+static void dgfemi_add_traction_energy(const dgfemi_face_frame *frame, int count, dgfem_vec3 n, dgfem_real lambda,
+                                       dgfem_real mu, dgfem_real s, dgfem_real *a) {
+    dgfem_mat3 t[DGFEM_MAX_BASIS][10], w;
+    int lower_count = dgfem_monomial_count(frame->degree - 1);
+    memset(&w, 0, sizeof w);
+    w.m[0][0] = w.m[1][1] = w.m[2][2] = s / mu;
+    dgfemi_add_outer(&w, s / (lambda + 2 * mu) - s / mu, n, n);
+    for (int j = 0; j < count; j++) dgfemi_traction_coefficients(frame, j, n, lambda, mu, t[j]);
+    for (int j = 1; j < count; j++) {
+        dgfem_mat3 moment[10]; /* int m_l W T_j */
+        for (int l = 0; l < lower_count; l++) {
+            memset(&moment[l], 0, sizeof moment[l]);
+            for (int k = 0; k < lower_count; k++) {
+                dgfem_real m = frame->moments[dgfemi_product_index(k, l)];
+                for (int p = 0; p < 9; p++) moment[l].m[p / 3][p % 3] += m * t[j][k].m[p / 3][p % 3];
+            }
+            moment[l] = dgfemi_multiply3(&w, &moment[l]);
+        }
+        for (int i = 1; i < count; i++)
+            for (int l = 0; l < lower_count; l++) {
+                dgfem_mat3 transposed = dgfemi_transposed(&t[i][l]);
+                dgfem_mat3 product = dgfemi_multiply3(&transposed, &moment[l]);
+                dgfemi_add_block(a, 3 * count, i, j, 1, &product);
+            }
+    }
+}
+
+/* Both matrices of the pair; b is made definite by adding the rigid motions. */
+static void dgfemi_stability_pair(const dgfem_body *body, int element, dgfem_real *a, dgfem_real *b) {
+    const dgfem_forms *forms = body->forms;
+    int n = forms->elements[element].count, size = 3 * n;
+    dgfem_real lambda = dgfemi_lambda(&body->material[element]), mu = dgfemi_mu(&body->material[element]);
+    dgfem_mat3 identity = dgfemi_identity();
+    const dgfem_real *g = dgfemi_form_stiffness(forms, element);
+    memset(a, 0, (size_t)(size * size) * sizeof *a);
+    memset(b, 0, (size_t)(size * size) * sizeof *b);
+    for (int i = 1; i < n; i++)
+        for (int j = 1; j < n; j++, g += 9) {
+            dgfem_mat3 k = dgfemi_element_block(g, lambda, mu, &identity, &identity);
+            dgfemi_add_block(b, size, i, j, 1, &k);
+        }
+    dgfem_real scale = b[(3 + 0) * size + 3] + b[(3 + 1) * size + 4]; /* of the linear functions */
+    for (int k = 0; k < 3; k++) {
+        int p = (k + 1) % 3, q = (k + 2) % 3, u = 3 * (1 + p) + q, v = 3 * (1 + q) + p; /* turning about axis k */
+        b[k * size + k] += scale;
+        b[u * size + u] += scale, b[v * size + v] += scale;
+        b[u * size + v] -= scale, b[v * size + u] -= scale;
+    }
+    for (int f = 0; f < forms->face_count; f++) {
+        dgfemi_face_form form = forms->faces[f];
+        if (form.element[0] != element && form.element[1] != element) continue;
+        dgfemi_face_frame frame;
+        int side = form.element[0] != element;
+        dgfem_real weight = form.weight * body->desc.eta / form.eta_stiff;
+        dgfemi_face_frame_set(body, &form, &frame);
+        if (side) memmove(frame.jump, frame.jump + form.count[0], (size_t)n * sizeof frame.jump[0]);
+        dgfemi_add_traction_energy(&frame, n, body->mesh->faces[form.face].normal, lambda, mu, weight, a);
+    }
+}
+
+/* Largest eigenvalue of L^-1 A L^-T by power iteration: the Rayleigh quotient converges twice as fast as the vector. */
+static dgfem_real dgfemi_largest_eigenvalue(const dgfem_real *a, const dgfem_real *l, int size) {
+    enum { ITERATIONS = 2000 };
+    dgfem_real x[DGFEM_MAX_UNKNOWNS], y[DGFEM_MAX_UNKNOWNS], value = 0;
+    for (int i = 0; i < size; i++) x[i] = 1 + DGFEM_R(0.5) * dgfemi_sqrt((dgfem_real)((7 * i * i + 3) % 11));
+    for (int iteration = 0; iteration < ITERATIONS; iteration++) {
+        dgfem_real z[DGFEM_MAX_UNKNOWNS], norm = 0, last = value;
+        for (int i = 0; i < size; i++) norm += x[i] * x[i];
+        norm = dgfemi_sqrt(norm);
+        if (!(norm > 0)) return 0;
+        for (int i = 0; i < size; i++) z[i] = x[i] = x[i] / norm;
+        for (int i = size - 1; i >= 0; i--) { /* L^-T */
+            for (int k = i + 1; k < size; k++) z[i] -= l[k * size + i] * z[k];
+            z[i] /= l[i * size + i];
+        }
+        for (int i = 0; i < size; i++) {
+            y[i] = 0;
+            for (int k = 0; k < size; k++) y[i] += a[i * size + k] * z[k];
+        }
+        value = 0;
+        for (int i = 0; i < size; i++) { /* L^-1 */
+            for (int k = 0; k < i; k++) y[i] -= l[i * size + k] * y[k];
+            y[i] /= l[i * size + i];
+            value += x[i] * y[i];
+        }
+        memcpy(x, y, (size_t)size * sizeof *x);
+        if (iteration > 20 && dgfemi_abs(value - last) <= DGFEM_R(1e-7) * value) break;
+    }
+    return value;
+}
+
+DGFEM_API dgfem_status dgfem_body_stability_bound(const dgfem_body *body, int element, dgfem_real *theta) {
+    if (!body || !theta) return DGFEM_ERROR_ARGUMENT;
+    if (element < 0 || element >= body->mesh->element_count)
+        return dgfemi_fail(&body->hooks, DGFEM_ERROR_INDEX, "element %d, expected 0..%d", element,
+                           body->mesh->element_count - 1);
+    int size = 3 * body->forms->elements[element].count;
+    size_t square = (size_t)size * (size_t)size;
+    dgfem_real *a = (dgfem_real *)dgfemi_allocate(&body->hooks, 2 * square, sizeof *a), *b = a + square;
+    if (!a) return dgfemi_fail_memory(&body->hooks);
+    dgfem_status status = DGFEM_OK;
+    dgfemi_stability_pair(body, element, a, b);
+    if (dgfemi_cholesky_dense(b, size)) *theta = dgfemi_largest_eigenvalue(a, b, size);
+    else status = dgfemi_fail(&body->hooks, DGFEM_ERROR_DEGENERATE, "element %d: its strain energy is not definite", element);
+    dgfemi_free(&body->hooks, a);
+    return status;
+}
+
+/* ---- search ---- */
+
+static void dgfemi_set_eta(dgfem_body *body, dgfem_real eta) {
+    for (int f = 0; f < body->forms->face_count; f++) body->forms->faces[f].eta_stiff *= eta / body->desc.eta;
+    body->desc.eta = eta;
+}
+
+DGFEM_API dgfem_status dgfem_body_set_eta(dgfem_body *body, dgfem_real eta) {
+    if (!body) return DGFEM_ERROR_ARGUMENT;
+    dgfem_status status = dgfemi_check_positive(&body->hooks, eta, "eta");
+    if (!status) dgfemi_set_eta(body, eta);
+    return status;
+}
+
+/* Factors the unrotated stiffness of the body, held as it is; a free body is held by a trace of its mass. */
+static dgfem_status dgfemi_try_eta(dgfem_body *body, dgfem_cholesky *cholesky, dgfem_cholesky_info *info) {
+    const dgfem_real trace = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-9); /* of a typical stiffness */
+    dgfem_mat3 *rotation = dgfemi_next_rotation(body);
+    dgfem_vec3 *rhs = dgfemi_work(body, DGFEMI_WORK_RHS);
+    for (int e = 0; e < body->mesh->element_count; e++) rotation[e] = dgfemi_identity();
+    dgfemi_assemble_stiffness(body, rotation, 1, 0, body->matrix, dgfemi_work(body, DGFEMI_WORK_F0));
+    if (!dgfemi_is_held(body)) {
+        dgfem_real r = body->scale[0];
+        dgfemi_assemble_mass(body, trace * body->material[0].young / (body->material[0].density * r * r), body->matrix);
+    }
+    memset(rhs, 0, (size_t)body->basis_count * sizeof *rhs);
+    dgfemi_assemble_pins(body, 1, 0, NULL, body->matrix, rhs);
+    dgfemi_hold_elements(body, 0, body->matrix, rhs);
+    return dgfem_cholesky_factor(cholesky, body->matrix, info);
+}
+
+DGFEM_API dgfem_status dgfem_body_find_eta(dgfem_body *body, dgfem_real *eta) {
+    enum { MAX_DOUBLINGS = 10 };
+    if (!body || !eta) return DGFEM_ERROR_ARGUMENT;
+    dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
+    dgfem_cholesky *cholesky = body->cholesky;
+    dgfem_cholesky_info info;
+    dgfem_status status = DGFEM_OK;
+    dgfem_real first = body->desc.eta;
+    desc.hooks = body->hooks;
+    desc.hooks.log = NULL; /* a failure here is no error */
+    if (!cholesky) status = dgfem_cholesky_create(body->matrix, &desc, &cholesky);
+    if (status) return status;
+    for (int doublings = 0;; doublings++) {
+        status = dgfemi_try_eta(body, cholesky, &info);
+        if (status != DGFEM_ERROR_NOT_POSITIVE_DEFINITE || doublings == MAX_DOUBLINGS) break;
+        dgfemi_set_eta(body, 2 * body->desc.eta);
+    }
+    if (cholesky != body->cholesky) dgfem_cholesky_destroy(cholesky);
+    if (status) dgfemi_set_eta(body, first);
+    else *eta = body->desc.eta;
     return status;
 }
 

@@ -35,14 +35,14 @@ typedef struct statistics {
 
 static options read_options(int argc, char **argv) {
     program p = program_begin(argc, argv,
-                              "bunny [--model FILE] [--out build/demo] [--cells 11] [--seconds 10] [--dt 0.0166667]\n"
+                              "bunny [--model FILE] [--out build/demo] [--cells 11] [--seconds 12] [--dt 0.0166667]\n"
                               "  [--young 4e5] [--slope 30] [--frame-every 3] [--no-frames]\n"
                               "  [--solver cholesky|pcg]");
     options o;
     o.model = program_text(&p, "--model", NULL);
     o.out = program_text(&p, "--out", "build/demo");
     o.cells = program_int(&p, "--cells", 11, 1, 1000);
-    o.seconds = program_real(&p, "--seconds", 10);
+    o.seconds = program_real(&p, "--seconds", 12);
     o.dt = program_real(&p, "--dt", 1.0 / 60);
     o.young = program_real(&p, "--young", 4e5);
     o.slope = program_real(&p, "--slope", 30);
@@ -344,7 +344,7 @@ static int step(const options *o, scene *s, int is_last_second, statistics *st) 
 }
 
 static int run(const options *o, scene *s, statistics *st) {
-    static const double moments[MOMENTS] = {0, 0.08, 0.14, 0.21, 1};
+    static const double moments[MOMENTS] = {0, 0.065, 0.115, 0.17, 1};
     int steps = (int)(o->seconds / o->dt + 0.5), next_moment = 0, ok = 1;
     program_progress progress;
     picture p;

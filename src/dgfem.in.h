@@ -197,6 +197,7 @@
 #include "dgfem/body.c"
 #include "dgfem/load.c"
 #include "dgfem/solve.c"
+#include "dgfem/stability.c"
 #include "dgfem/query.c"
 #include "dgfem/skin.c"
 #endif /* DGFEM_IMPLEMENTATION */

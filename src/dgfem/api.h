@@ -738,6 +738,22 @@ DGFEM_API dgfem_status dgfem_body_step(dgfem_body *body, dgfem_real dt, dgfem_st
    Velocities become zero. DGFEM_ERROR_NOT_CONVERGED leaves the body as it was. */
 DGFEM_API dgfem_status dgfem_body_solve_static(dgfem_body *body, const dgfem_static_desc *desc, dgfem_step_info *info);
 
+/* ---- stability of the interior penalty ---- */
+
+/* theta of an element: where eta > theta in all elements the stiffness is positive definite, whatever the elements'
+   rotations. Usually below 3; grows with the number of differently oriented faces of an element. Sufficient, not
+   necessary. Without meaning for BZ, which is stable for every eta. */
+DGFEM_API dgfem_status dgfem_body_stability_bound(const dgfem_body *body, int element, dgfem_real *theta);
+
+/* Sets the penalty factor of all faces. */
+DGFEM_API dgfem_status dgfem_body_set_eta(dgfem_body *body, dgfem_real eta);
+
+/* Doubles eta, ten times at most, until the unrotated stiffness can be factored, and returns what it is then. Where it
+   had to be doubled, set twice that value before warping. DGFEM_ERROR_NOT_POSITIVE_DEFINITE leaves eta as it was. */
+DGFEM_API dgfem_status dgfem_body_find_eta(dgfem_body *body, dgfem_real *eta);
+
+/* ---- state of a body ---- */
+
 /* Displacement, velocity and deformation gradient of an element's polynomial at a rest position (inside or not). */
 DGFEM_API dgfem_vec3 dgfem_body_displacement(const dgfem_body *body, int element, dgfem_vec3 rest);
 DGFEM_API dgfem_vec3 dgfem_body_velocity(const dgfem_body *body, int element, dgfem_vec3 rest);

@@ -89,6 +89,7 @@ typedef struct dgfemi_parts {
     const int *codes;       /* the set at hand */
     int code_count;
     int count;              /* number of components */
+    int crowded;            /* 1: some edge has more than two faces */
     int *component;         /* [code_count] numbered in the order of their first faces */
     int *parent;            /* [code_count] union-find */
     dgfem_real *volume;     /* [count] once measured */
@@ -115,8 +116,11 @@ static int dgfemi_parts_join(dgfemi_parts *c, int k) {
         for (i = 0; i < count; i++) {
             dgfemi_edge_slot *slot = dgfemi_edge_map_at(&c->edges, last, loop[i]);
             if (dgfemi_edge_map_has(&c->edges, slot)) {
-                int a = dgfemi_root(c->parent, slot->value), b = dgfemi_root(c->parent, k);
+                int other = slot->value < 0 ? ~slot->value : slot->value; /* ~: has two faces */
+                int a = dgfemi_root(c->parent, other), b = dgfemi_root(c->parent, k);
                 c->parent[a > b ? a : b] = a > b ? b : a;
+                c->crowded |= slot->value < 0;
+                slot->value = ~other;
             } else if (!dgfemi_edge_map_set(&mesh->hooks, &c->edges, slot, last, loop[i], k)) {
                 return 0;
             }
@@ -138,6 +142,7 @@ static int dgfemi_parts_find(dgfemi_parts *c, const dgfemi_ints *codes) {
     if (!ok) return 0;
     c->codes = codes->data;
     c->code_count = codes->count;
+    c->crowded = 0;
     for (k = 0; k < c->code_count; k++) {
         c->parent[k] = k;
         corners += (size_t)dgfemi_mesh_face_corners(mesh, c->codes[k] / 2);

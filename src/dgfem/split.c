@@ -83,7 +83,7 @@ typedef struct dgfemi_splitter {
     dgfem_real low, high; /* vertices below have height < low, vertices above height > high; equal for an axis */
     dgfem_plane plane;    /* not for an axis */
     int snapped;          /* 1: some vertex counts as on the plane that is off it by more than round-off */
-    signed char *snap_mark; /* [vertex_count] while snapping */
+    signed char *snap_mark; /* [vertex_count] 1: to be snapped; -1: must not be */
     dgfem_real *extent;   /* [2 * face_count] axis: the face's lowest and highest coordinate; not known when reversed */
     int height_capacity, snap_mark_capacity, extent_capacity, extent_count;
     dgfemi_ints selected; /* elements that straddle the plane */
@@ -96,6 +96,7 @@ typedef struct dgfemi_splitter {
     unsigned *element_mark;                                      /* [element_count] given or renewed */
     int cut_capacity, element_mark_capacity;
     dgfemi_ints cut_faces;
+    int failed_element;                                          /* on failure: the last one tried */
     dgfemi_split_child *children;
     dgfemi_ints child_faces;                                     /* codes */
     dgfemi_split_reloop *reloops;
@@ -263,43 +264,51 @@ static int dgfemi_split_is_bent(const dgfemi_splitter *s, int loops) {
     return 0;
 }
 
-/* Writes the triangles of the region made of the last loops to s->scratch_b. */
-static dgfem_status dgfemi_split_triangulate(dgfemi_splitter *s, int loops, int *triangles) {
-    const dgfem_mesh *mesh = s->mesh;
-    const dgfem_loop *loop = mesh->loops + mesh->loop_count - loops;
-    int face_loops[2], capacity = mesh->loop_vertex_count - loop->start + 2 * (loops - 1), l;
-    dgfem_polyhedron region;
-    s->scratch_a.count = s->scratch_b.count = 0;
-    if (!dgfemi_split_room(&mesh->hooks, &s->scratch_a, loops + 1) ||
-        !dgfemi_split_room(&mesh->hooks, &s->scratch_b, 3 * capacity))
-        return DGFEM_ERROR_MEMORY;
-    for (l = 0; l <= loops; l++)
-        s->scratch_a.data[l] = (l < loops ? loop[l].start : mesh->loop_vertex_count) - loop->start;
-    face_loops[0] = 0, face_loops[1] = loops;
-    memset(&region, 0, sizeof region);
-    region.vertices = mesh->vertices, region.vertex_count = mesh->vertex_count;
-    region.face_count = 1;
-    region.face_loops = face_loops, region.loop_start = s->scratch_a.data;
-    region.loop_vertices = mesh->loop_vertices + loop->start;
-    region.hooks = mesh->hooks;
-    region.hooks.log = NULL; /* the caller logs */
-    return dgfem_polyhedron_triangulate_face(&region, 0, s->scratch_b.data, capacity, triangles);
+/* The middle of a region that snapping has bent, moved onto the plane. */
+static dgfem_vec3 dgfemi_split_bent_centre(const dgfemi_splitter *s, const int *loop, int count) {
+    const dgfem_vec3 *vertices = s->mesh->vertices;
+    dgfem_vec3 origin = vertices[loop[0]], moment = dgfemi_vec3(0, 0, 0), centre, n = s->plane.normal;
+    dgfem_real twice = 0;
+    int i;
+    for (i = 2; i < count; i++) {
+        dgfem_vec3 a = dgfemi_sub(vertices[loop[i - 1]], origin), b = dgfemi_sub(vertices[loop[i]], origin);
+        dgfem_real area = dgfemi_dot(s->normal, dgfemi_cross(a, b));
+        twice += area;
+        moment = dgfemi_add_scaled(moment, area, dgfemi_add(a, b));
+    }
+    centre = dgfemi_add_scaled(origin, 1 / (3 * twice), moment);
+    return dgfemi_add_scaled(centre, (s->plane.offset - dgfemi_dot(n, centre)) / dgfemi_dot(n, n), n);
 }
 
-/* A region that snapping has bent becomes triangles, each in its own plane: exact integrals need planar faces. */
+/* A triangle of a bent region must keep this fraction of the area that it would have if all were alike. */
+#define DGFEM_BENT_AREA DGFEM_R(1e-3)
+
+/* A region that snapping has bent becomes triangles around its middle, each in its own plane: exact integrals need
+   planar faces. Refuses holes and regions whose middle does not see all of their boundary. */
 static dgfem_status dgfemi_split_add_bent(dgfemi_splitter *s, const dgfem_face *like, int loops) {
     dgfem_mesh *mesh = s->mesh;
-    int first = mesh->loop_count - loops, start = mesh->loops[first].start, triangles = 0, t;
-    dgfem_status status = dgfemi_split_triangulate(s, loops, &triangles);
-    if (status) return status;
-    mesh->loop_count = first, mesh->loop_vertex_count = start;
-    for (t = 0; t < triangles; t++) {
-        const int *v = s->scratch_b.data + 3 * t;
-        dgfem_vec3 a = mesh->vertices[v[0]];
-        dgfem_vec3 normal = dgfemi_normalized(dgfemi_cross(dgfemi_sub(mesh->vertices[v[1]], a),
-                                                           dgfemi_sub(mesh->vertices[v[2]], a)));
-        if (!(dgfemi_dot(normal, normal) > 0)) normal = like->normal;
-        if (dgfemi_mesh_add_loop(mesh, v, 3) == DGFEM_NONE || !dgfemi_split_add_face(mesh, like, 1, normal))
+    int count = mesh->loops[mesh->loop_count - 1].count, start = mesh->loops[mesh->loop_count - 1].start, centre, i;
+    dgfem_real whole;
+    if (loops > 1) return DGFEM_ERROR_DEGENERATE;
+    s->scratch_a.count = 0;
+    for (i = 0; i < count; i++)
+        if (!dgfemi_push(&mesh->hooks, &s->scratch_a, mesh->loop_vertices[start + i])) return DGFEM_ERROR_MEMORY;
+    mesh->loop_count--, mesh->loop_vertex_count = start;
+    centre = dgfemi_split_add_vertex(s, dgfemi_split_bent_centre(s, s->scratch_a.data, count));
+    if (centre == DGFEM_NONE) return DGFEM_ERROR_MEMORY;
+    for (i = 0, whole = 0; i < 2 * count; i++) { /* the areas, then the faces */
+        int triangle[3];
+        dgfem_vec3 p = mesh->vertices[centre], a, b, area;
+        triangle[0] = centre, triangle[1] = s->scratch_a.data[i % count], triangle[2] = s->scratch_a.data[(i + 1) % count];
+        a = dgfemi_sub(mesh->vertices[triangle[1]], p), b = dgfemi_sub(mesh->vertices[triangle[2]], p);
+        area = dgfemi_cross(a, b);
+        if (i < count) {
+            whole += dgfemi_dot(area, s->normal);
+            continue;
+        }
+        if (!(dgfemi_dot(area, s->normal) > DGFEM_BENT_AREA * whole / (dgfem_real)count)) return DGFEM_ERROR_DEGENERATE;
+        if (dgfemi_mesh_add_loop(mesh, triangle, 3) == DGFEM_NONE ||
+            !dgfemi_split_add_face(mesh, like, 1, dgfemi_normalized(area)))
             return DGFEM_ERROR_MEMORY;
     }
     return DGFEM_OK;
@@ -798,6 +807,9 @@ static dgfem_status dgfemi_split_add_components(dgfemi_splitter *s, const dgfemi
     dgfem_status status;
     int i;
     if (!dgfemi_parts_find(&s->parts, codes) || !dgfemi_parts_measure(&s->parts)) return DGFEM_ERROR_MEMORY;
+    if (s->parts.crowded)
+        return dgfemi_fail(&s->mesh->hooks, DGFEM_ERROR_INVARIANT, "element %d: a part meets itself at an edge",
+                           child->parent);
     status = dgfemi_split_check_volumes(s, child);
     if (!status) status = dgfemi_parts_attach_voids(&s->parts);
     for (i = 0; !status && i < s->parts.count; i++)
@@ -1014,6 +1026,7 @@ static dgfem_status dgfemi_split_straddling(dgfemi_splitter *s, const int *eleme
     for (i = 0; !status && i < count; i++) {
         s->element_mark[elements[i]] = s->generation;
         status = dgfemi_split_element(s, elements[i]);
+        s->failed_element = elements[i];
     }
     if (!status && !s->all) status = dgfemi_split_renew_neighbours(s);
     if (!status && !s->all) status = dgfemi_split_reloop_faces(s);
@@ -1068,8 +1081,8 @@ static int dgfemi_split_set_plane(dgfemi_splitter *s, dgfem_plane plane) {
 static void dgfemi_split_mark_edge(dgfemi_splitter *s, int a, int b) {
     dgfem_real height_a = dgfemi_abs(s->height[a]), height_b = dgfemi_abs(s->height[b]);
     if (dgfemi_split_sign(s, a) * dgfemi_split_sign(s, b) >= 0) return;
-    if (height_a < s->snap * height_b) s->snap_mark[a] = 1;
-    if (height_b < s->snap * height_a) s->snap_mark[b] = 1;
+    if (height_a < s->snap * height_b && s->snap_mark[a] == 0) s->snap_mark[a] = 1;
+    if (height_b < s->snap * height_a && s->snap_mark[b] == 0) s->snap_mark[b] = 1;
 }
 
 /* Marks the vertices of an element that are near the plane compared with the other end of an edge that crosses it. */
@@ -1114,17 +1127,17 @@ static int dgfemi_split_is_straight(const dgfemi_splitter *s, const int *loop, i
 static int dgfemi_split_mark_runs(dgfemi_splitter *s, const int *loop, int count) {
     int first, end, i, marks = 0;
     for (first = 0; first < count; first++) {
-        if (!s->snap_mark[loop[first]] && dgfemi_split_sign(s, loop[first]) != 0) continue;
+        if (s->snap_mark[loop[first]] != 1 && dgfemi_split_sign(s, loop[first]) != 0) continue;
         for (end = first + 1; end < first + count; end++)
-            if (s->snap_mark[loop[end % count]] || dgfemi_split_sign(s, loop[end % count]) == 0) break;
+            if (s->snap_mark[loop[end % count]] == 1 || dgfemi_split_sign(s, loop[end % count]) == 0) break;
         if (end == first + 1 || end == first + count || !dgfemi_split_is_straight(s, loop, count, first, end)) continue;
-        for (i = first + 1; i < end; i++) s->snap_mark[loop[i % count]] = 1;
-        marks += end - first - 1;
+        for (i = first + 1; i < end; i++)
+            if (s->snap_mark[loop[i % count]] == 0) s->snap_mark[loop[i % count]] = 1, marks++;
     }
     return marks;
 }
 
-static int dgfemi_split_mark_element_runs(dgfemi_splitter *s, int element) {
+static int dgfemi_split_mark_runs_of(dgfemi_splitter *s, int element) {
     const dgfem_mesh *mesh = s->mesh;
     const dgfem_element *e = &mesh->elements[element];
     int k, l, marks = 0;
@@ -1136,28 +1149,34 @@ static int dgfemi_split_mark_element_runs(dgfemi_splitter *s, int element) {
     return marks;
 }
 
-/* Puts the vertices of the elements that are to be snapped on the plane. 1 on success, 0 when out of memory. */
-static int dgfemi_split_snap(dgfemi_splitter *s, const int *elements, int count) {
+/* Makes all marks zero. 1 on success, 0 when out of memory. */
+static int dgfemi_split_clear_marks(dgfemi_splitter *s) {
     const dgfem_mesh *mesh = s->mesh;
     void *snap_mark = s->snap_mark;
-    int i, v, marks, ok = dgfemi_mesh_room(&mesh->hooks, &snap_mark, 0, &s->snap_mark_capacity, mesh->vertex_count, 1);
+    int ok = dgfemi_mesh_room(&mesh->hooks, &snap_mark, 0, &s->snap_mark_capacity, mesh->vertex_count, 1);
     s->snap_mark = (signed char *)snap_mark;
-    if (!ok) return 0;
-    memset(s->snap_mark, 0, (size_t)mesh->vertex_count);
+    if (ok && mesh->vertex_count > 0) memset(s->snap_mark, 0, (size_t)mesh->vertex_count);
+    return ok;
+}
+
+/* Puts the vertices of the elements that are to be snapped on the plane. */
+static void dgfemi_split_snap(dgfemi_splitter *s, const int *elements, int count) {
+    int i, v, marks;
+    for (v = 0; v < s->mesh->vertex_count; v++)
+        if (s->snap_mark[v] == 1) s->snap_mark[v] = 0;
     for (i = 0; i < count; i++) dgfemi_split_mark_element(s, elements ? elements[i] : i);
     do {
-        for (marks = 0, i = 0; i < count; i++) marks += dgfemi_split_mark_element_runs(s, elements ? elements[i] : i);
+        for (marks = 0, i = 0; i < count; i++) marks += dgfemi_split_mark_runs_of(s, elements ? elements[i] : i);
     } while (marks > 0);
-    for (v = 0; v < mesh->vertex_count; v++)
-        if (s->snap_mark[v]) s->height[v] = 0, s->snapped = 1;
-    return 1;
+    for (v = 0; v < s->mesh->vertex_count; v++)
+        if (s->snap_mark[v] == 1) s->height[v] = 0, s->snapped = 1;
 }
 
 /* Sets the plane and selects those of the elements (NULL: of the first `count`) that straddle it. */
 static dgfem_status dgfemi_split_select(dgfemi_splitter *s, dgfem_plane plane, const int *elements, int count) {
     int i;
-    if (!dgfemi_split_set_plane(s, plane) || (s->snap > 0 && !dgfemi_split_snap(s, elements, count)))
-        return dgfemi_fail_memory(&s->mesh->hooks);
+    if (!dgfemi_split_set_plane(s, plane)) return dgfemi_fail_memory(&s->mesh->hooks);
+    if (s->snap > 0) dgfemi_split_snap(s, elements, count);
     s->selected.count = 0;
     for (i = 0; i < count; i++) {
         int element = elements ? elements[i] : i;
@@ -1167,11 +1186,46 @@ static dgfem_status dgfemi_split_select(dgfemi_splitter *s, dgfem_plane plane, c
     return DGFEM_OK;
 }
 
-/* Splits those of the given elements that straddle the plane, in place; they are s->selected, their children
-   s->children. On failure the mesh is as it was. Leaves dead items. */
-static dgfem_status dgfemi_split_elements(dgfemi_splitter *s, dgfem_plane plane, const int *elements, int count) {
+/* One attempt; where vertices were snapped it fails silently. */
+static dgfem_status dgfemi_split_try(dgfemi_splitter *s, dgfem_plane plane, const int *elements, int count) {
+    dgfem_hooks hooks = s->mesh->hooks;
     dgfem_status status = dgfemi_split_select(s, plane, elements, count);
-    if (!status) status = dgfemi_split_straddling(s, s->selected.data, s->selected.count);
+    if (status) return status;
+    if (s->snapped) s->mesh->hooks.log = NULL;
+    status = dgfemi_split_straddling(s, s->selected.data, s->selected.count);
+    s->mesh->hooks.log = hooks.log;
+    return s->snapped && status == DGFEM_ERROR_MEMORY ? dgfemi_fail_memory(&hooks) : status;
+}
+
+/* Forbids to snap the vertices of an element. */
+static void dgfemi_split_release(dgfemi_splitter *s, int element) {
+    const dgfem_mesh *mesh = s->mesh;
+    const dgfem_element *e = &mesh->elements[element];
+    int k, l, i;
+    for (k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        for (l = face->loop_start; l < face->loop_start + face->loop_count; l++)
+            for (i = 0; i < mesh->loops[l].count; i++)
+                s->snap_mark[mesh->loop_vertices[mesh->loops[l].start + i]] = -1;
+    }
+}
+
+/* Splits those of the given elements (NULL: of the first `count`) that straddle the plane, in place; they are
+   s->selected, their children s->children. On failure the mesh is as it was. Leaves dead items. An element that does not
+   take the snapping well keeps its vertices off the plane. */
+static dgfem_status dgfemi_split_elements(dgfemi_splitter *s, dgfem_plane plane, const int *elements, int count) {
+    enum { MAX_RELEASES = 16 };
+    dgfem_real snap = s->snap;
+    dgfem_status status;
+    int releases;
+    if (snap > 0 && !dgfemi_split_clear_marks(s)) return dgfemi_fail_memory(&s->mesh->hooks);
+    status = dgfemi_split_try(s, plane, elements, count);
+    for (releases = 1; status && status != DGFEM_ERROR_MEMORY && s->snapped; releases++) {
+        dgfemi_split_release(s, s->failed_element);
+        if (releases == MAX_RELEASES) s->snap = 0;
+        status = dgfemi_split_try(s, plane, elements, count);
+    }
+    s->snap = snap;
     return status;
 }
 
@@ -1184,36 +1238,37 @@ static dgfem_status dgfemi_split_check_plane(const dgfem_hooks *hooks, dgfem_pla
     return DGFEM_OK;
 }
 
-/* Splits the selected elements on a copy, because the compaction, too, can fail. */
-static dgfem_status dgfemi_split_copy(dgfemi_splitter *s, dgfem_mesh *mesh) {
+/* On a copy, because the compaction, too, can fail. */
+static dgfem_status dgfemi_mesh_split(dgfem_mesh *mesh, dgfem_plane plane, dgfem_real snap, int *split) {
     dgfem_mesh *copy = dgfemi_mesh_duplicate(mesh);
+    dgfemi_splitter s;
     dgfem_status status;
     if (!copy) return dgfemi_fail_memory(&mesh->hooks);
-    dgfemi_splitter_attach(s, copy);
-    status = dgfemi_split_straddling(s, s->selected.data, s->selected.count);
-    if (!status) status = dgfemi_mesh_compact(copy);
-    if (!status) dgfemi_mesh_swap(mesh, copy);
-    dgfemi_splitter_attach(s, mesh);
+    s = dgfemi_splitter_make(copy);
+    s.snap = snap;
+    s.components = s.all = s.measure = 1;
+    status = dgfemi_split_elements(&s, plane, NULL, copy->element_count);
+    if (!status && s.selected.count > 0) status = dgfemi_mesh_compact(copy);
+    if (!status) {
+        *split = s.selected.count;
+        dgfemi_mesh_swap(mesh, copy);
+    }
+    dgfemi_splitter_free(&s);
     dgfem_mesh_destroy(copy);
     return status;
 }
 
 DGFEM_API dgfem_status dgfem_mesh_split_plane(dgfem_mesh *mesh, dgfem_plane plane, dgfem_real snap, int *split) {
-    dgfemi_splitter s;
     dgfem_status status;
+    int count = 0;
     if (split) *split = 0;
     if (!mesh) return DGFEM_ERROR_ARGUMENT;
     status = dgfemi_split_check_plane(&mesh->hooks, plane);
     if (status) return status;
     if (!(snap >= 0) || !(snap < 1))
         return dgfemi_fail(&mesh->hooks, DGFEM_ERROR_ARGUMENT, "snap %g is not in [0, 1)", (double)snap);
-    s = dgfemi_splitter_make(mesh);
-    s.snap = snap;
-    s.components = s.all = s.measure = 1;
-    status = dgfemi_split_select(&s, plane, NULL, mesh->element_count);
-    if (!status && s.selected.count > 0) status = dgfemi_split_copy(&s, mesh);
-    if (!status && split) *split = s.selected.count;
-    dgfemi_splitter_free(&s);
+    status = dgfemi_mesh_split(mesh, plane, snap, &count);
+    if (!status && split) *split = count;
     return status;
 }
 
