@@ -206,6 +206,9 @@
                       for any rotations of the elements, and a search by factorization.
    query.c            Asking a solid: fields at a point, energies, momenta, volume, internal force; setting affine
                       fields.
+   degree.c           Changing the polynomial degree of elements while the body lives: coefficients are kept exactly
+                      when the degree is raised and L2-projected when it is lowered; integrals of what did not change
+                      are kept.
    skin.c             A render mesh that follows a body: positions by embedding, normals from its own triangles. */
 
 #ifndef DGFEM_H
@@ -951,6 +954,12 @@ DGFEM_API dgfem_status dgfem_body_step(dgfem_body *body, dgfem_real dt, dgfem_st
 /* Static equilibrium of loads and fixtures (contact takes no part): with warping, repeated solves with new rotations.
    Velocities become zero. DGFEM_ERROR_NOT_CONVERGED leaves the body as it was. */
 DGFEM_API dgfem_status dgfem_body_solve_static(dgfem_body *body, const dgfem_static_desc *desc, dgfem_step_info *info);
+
+/* Changes the polynomial degree of one element, or of all ([element_count]). The state is kept exactly where the degree
+   is raised and projected (L2, momentum kept) where it is lowered; integrals of what did not change are kept. Held faces
+   keep their prescribed polynomial: call resample_fixture for more of a function. On failure nothing has changed. */
+DGFEM_API dgfem_status dgfem_body_set_degree(dgfem_body *body, int element, int degree);
+DGFEM_API dgfem_status dgfem_body_set_degrees(dgfem_body *body, const int *degrees);
 
 /* ---- stability of the interior penalty ---- */
 
@@ -6813,11 +6822,38 @@ static int dgfemi_split_part_loop(dgfemi_splitter *s, dgfem_loop loop, int *p, i
     return 1;
 }
 
-/* A face with simple signs. Leaves cut->below at 0 where the crossings are the same vertex. */
+/* 1 when the element has an edge between two vertices. */
+static int dgfemi_split_has_edge(const dgfemi_splitter *s, int element, int a, int b) {
+    const dgfem_mesh *mesh = s->mesh;
+    const dgfem_element *e = &mesh->elements[element];
+    int k, l, i;
+    for (k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        for (l = face->loop_start; l < face->loop_start + face->loop_count; l++) {
+            const int *loop = mesh->loop_vertices + mesh->loops[l].start;
+            int count = mesh->loops[l].count;
+            for (i = 0; i < count; i++) {
+                int from = loop[i], to = loop[i + 1 < count ? i + 1 : 0];
+                if ((from == a && to == b) || (from == b && to == a)) return 1;
+            }
+        }
+    }
+    return 0;
+}
+
+/* 1 when some other edge joins two vertices of a face already. That takes faces which touch along it; a cut line must
+   not be taken for that edge. */
+static int dgfemi_split_is_taken(const dgfemi_splitter *s, const dgfem_face *face, int from, int to) {
+    if (from >= s->vertex_count || to >= s->vertex_count) return 0;
+    return dgfemi_split_has_edge(s, face->element[0], from, to) ||
+           (face->element[1] != DGFEM_NONE && dgfemi_split_has_edge(s, face->element[1], from, to));
+}
+
+/* A face with simple signs. Leaves cut->below at 0 where it is not so simple after all. */
 static dgfem_status dgfemi_split_cut_simple(dgfemi_splitter *s, const dgfem_face *face, dgfemi_cut_face *cut) {
     dgfem_mesh *mesh = s->mesh;
     if (!dgfemi_split_part_loop(s, mesh->loops[face->loop_start], &cut->p, &cut->q)) return DGFEM_ERROR_MEMORY;
-    if (cut->p == cut->q) return DGFEM_OK;
+    if (cut->p == cut->q || dgfemi_split_is_taken(s, face, cut->p, cut->q)) return DGFEM_OK;
     s->scratch_a.data[s->scratch_a.count++] = cut->p;
     s->scratch_a.data[s->scratch_a.count++] = cut->q;
     s->scratch_b.data[s->scratch_b.count++] = cut->q;
@@ -6899,13 +6935,23 @@ static dgfem_status dgfemi_split_list_crossings(dgfemi_splitter *s, const dgfem_
     return DGFEM_OK;
 }
 
+/* Adds a segment; where there is an edge like it, with a vertex in the middle. 1 on success, 0 when out of memory. */
+static int dgfemi_split_push_line(dgfemi_splitter *s, const dgfem_face *face, int from, int to) {
+    const dgfem_hooks *hooks = &s->mesh->hooks;
+    int middle;
+    if (!dgfemi_split_is_taken(s, face, from, to)) return dgfemi_segment_push(hooks, &s->lines, from, to);
+    middle = dgfemi_split_add_vertex(s, dgfemi_scale(DGFEM_R(0.5), dgfemi_add(s->mesh->vertices[from],
+                                                                             s->mesh->vertices[to])));
+    return middle != DGFEM_NONE && dgfemi_segment_push(hooks, &s->lines, from, middle) &&
+           dgfemi_segment_push(hooks, &s->lines, middle, to);
+}
+
 /* Fills s->lines with segments up -> down, broken at the vertices that touch them (one for each place):
 
          \      /
           \ w  /          w: the loop comes down from above to touch the line
        ----+-+-------                                                                                */
-static dgfem_status dgfemi_split_list_lines(dgfemi_splitter *s) {
-    const dgfem_hooks *hooks = &s->mesh->hooks;
+static dgfem_status dgfemi_split_list_lines(dgfemi_splitter *s, const dgfem_face *face) {
     int k, i, ons = s->ons.count;
     s->lines.count = 0;
     for (k = 0; k < s->ups.count; k++) {
@@ -6914,10 +6960,10 @@ static dgfem_status dgfemi_split_list_lines(dgfemi_splitter *s) {
         for (i = 0; i < ons; i++) {
             dgfemi_crossing on = s->ons.data[forward ? i : ons - 1 - i];
             if (!(forward ? on.t > last.t && on.t < to.t : on.t < last.t && on.t > to.t)) continue;
-            if (!dgfemi_segment_push(hooks, &s->lines, last.vertex, on.vertex)) return DGFEM_ERROR_MEMORY;
+            if (!dgfemi_split_push_line(s, face, last.vertex, on.vertex)) return DGFEM_ERROR_MEMORY;
             last = on;
         }
-        if (last.vertex != to.vertex && !dgfemi_segment_push(hooks, &s->lines, last.vertex, to.vertex))
+        if (last.vertex != to.vertex && !dgfemi_split_push_line(s, face, last.vertex, to.vertex))
             return DGFEM_ERROR_MEMORY;
     }
     return DGFEM_OK;
@@ -6962,7 +7008,7 @@ static dgfem_status dgfemi_split_cut_general(dgfemi_splitter *s, const dgfem_fac
     dgfem_status status = dgfemi_split_list_crossings(s, face);
     int first_above;
     cut->p = cut->q = DGFEM_NONE;
-    if (!status) status = dgfemi_split_list_lines(s);
+    if (!status) status = dgfemi_split_list_lines(s, face);
     if (!status) status = dgfemi_split_list_pieces(s, face, -1);
     if (!status) status = dgfemi_split_add_faces(s, &s->pieces, face, &cut->first, &cut->below);
     if (!status) status = dgfemi_split_list_pieces(s, face, 1);
@@ -9834,7 +9880,7 @@ typedef struct dgfemi_dissection {
     int *level;                    /* [count] distance from the separator; DGFEM_NONE outside the band */
     unsigned char *touches;        /* [count] bit 0: the part passed, bit 1: the part ahead, both without the band */
     int *before, *after;           /* [count] neighbours on the path through a vertex, or one of the following */
-    int *queue, *from;             /* [2 * count] states of a search, and where each was reached from */
+    int *stack, *list, *from;      /* [2 * count] states to go on from, all states reached, what each was reached from */
     unsigned char *reached;        /* [2 * count] */
     unsigned char *old_side;       /* [count] */
 } dgfemi_dissection;
@@ -9994,7 +10040,7 @@ static void dgfemi_collect_band(dgfemi_dissection *d, int first, int last, int d
     }
     for (at = 0; at < d->band_count; at++) {
         int v = d->band[at];
-        d->touches[v] = 0;
+        d->touches[v] = d->reached[2 * v] = d->reached[2 * v + 1] = 0;
         d->before[v] = d->after[v] = DGFEM_NONE;
         d->old_side[v] = d->side[v];
         for (k = graph->start[v]; k < graph->start[v + 1]; k++) {
@@ -10010,36 +10056,38 @@ static void dgfemi_collect_band(dgfemi_dissection *d, int first, int last, int d
     }
 }
 
-static void dgfemi_reach(dgfemi_dissection *d, int state, int from, int *queued) {
+static void dgfemi_reach(dgfemi_dissection *d, int state, int from, int *stacked, int *listed) {
     if (d->reached[state]) return;
     d->reached[state] = 1;
     d->from[state] = from;
-    d->queue[(*queued)++] = state;
+    d->stack[(*stacked)++] = d->list[(*listed)++] = state;
 }
 
-/* One breadth-first search for a path that, if need be, pushes others aside. Returns the exit that it leaves the band
-   by, or DGFEM_NONE. */
-static int dgfemi_find_path(dgfemi_dissection *d) {
+/* A depth-first search for a path from a vertex that touches the part passed; it may push other paths aside. Returns the
+   exit that it leaves the band by, or DGFEM_NONE. What a vain search has reached stays marked: no later search can find
+   a way out from there either. */
+static int dgfemi_find_path(dgfemi_dissection *d, int source) {
     const dgfemi_graph *graph = d->graph;
-    int queued = 0, at, i, k;
-    for (i = 0; i < d->band_count; i++) d->reached[2 * d->band[i]] = d->reached[2 * d->band[i] + 1] = 0;
-    for (i = 0; i < d->band_count; i++)
-        if (d->touches[d->band[i]] & 1) dgfemi_reach(d, 2 * d->band[i], DGFEM_NONE, &queued);
-    for (at = 0; at < queued; at++) {
-        int state = d->queue[at], v = state / 2, taken = d->after[v] != DGFEM_NONE;
+    int stacked = 0, listed = 0, end = DGFEM_NONE, k;
+    dgfemi_reach(d, 2 * source, DGFEM_NONE, &stacked, &listed);
+    while (stacked > 0 && end == DGFEM_NONE) {
+        int state = d->stack[--stacked], v = state / 2, taken = d->after[v] != DGFEM_NONE;
         if (state % 2 == 0) {
-            if (!taken) dgfemi_reach(d, state + 1, state, &queued);
-            else if (d->before[v] >= 0) dgfemi_reach(d, 2 * d->before[v] + 1, state, &queued);
+            if (!taken) dgfemi_reach(d, state + 1, state, &stacked, &listed);
+            else if (d->before[v] >= 0) dgfemi_reach(d, 2 * d->before[v] + 1, state, &stacked, &listed);
             continue;
         }
-        if (d->touches[v] & 2) return state;
-        if (taken) dgfemi_reach(d, state - 1, state, &queued);
+        if (d->touches[v] & 2) end = state;
+        if (taken) dgfemi_reach(d, state - 1, state, &stacked, &listed);
         for (k = graph->start[v]; k < graph->start[v + 1]; k++) {
             int u = graph->neighbour[k];
-            if (d->part[u] == d->part[v] && d->level[u] != DGFEM_NONE) dgfemi_reach(d, 2 * u, state, &queued);
+            if (d->part[u] == d->part[v] && d->level[u] != DGFEM_NONE)
+                dgfemi_reach(d, 2 * u, state, &stacked, &listed);
         }
     }
-    return DGFEM_NONE;
+    if (end != DGFEM_NONE)
+        while (listed > 0) d->reached[d->list[--listed]] = 0;
+    return end;
 }
 
 /* Takes the path found into the set: first unlinks the steps that it goes against, then links its own. */
@@ -10061,13 +10109,18 @@ static void dgfemi_take_path(dgfemi_dissection *d, int last) {
    here, by their weights in the cost. */
 static int dgfemi_narrow_separator(dgfemi_dissection *d, int first, int last, int depth, double *cost) {
     double weight[3] = {0, 0, 0}, new_cost;
-    int path, at, i;
+    int at, i;
     dgfemi_collect_band(d, first, last, depth);
-    while ((path = dgfemi_find_path(d)) != DGFEM_NONE) dgfemi_take_path(d, path);
+    for (i = 0; i < d->band_count; i++) {
+        int source = d->band[i], path = DGFEM_NONE;
+        if (d->touches[source] & 1) path = dgfemi_find_path(d, source);
+        if (path != DGFEM_NONE) dgfemi_take_path(d, path);
+    }
     for (i = 0; i < d->band_count; i++) {
         int v = d->band[i];
         d->side[v] = DGFEM_SIDE_AHEAD;
-        if (d->reached[2 * v]) d->side[v] = d->reached[2 * v + 1] ? DGFEM_SIDE_PASSED : DGFEM_SIDE_SEPARATOR;
+        if (d->reached[2 * v] || (d->touches[v] & 1))
+            d->side[v] = d->reached[2 * v + 1] ? DGFEM_SIDE_PASSED : DGFEM_SIDE_SEPARATOR;
     }
     for (at = first; at < last; at++) weight[d->side[d->sorted[0][at]]] += d->graph->weight[d->sorted[0][at]];
     new_cost = dgfemi_cut_cost(weight[DGFEM_SIDE_SEPARATOR], weight[DGFEM_SIDE_PASSED], weight[DGFEM_SIDE_AHEAD]);
@@ -10082,16 +10135,16 @@ static int dgfemi_narrow_separator(dgfemi_dissection *d, int first, int last, in
 /* ---- the recursion ---- */
 
 static int dgfemi_dissection_allocate(dgfemi_dissection *d, dgfemi_arena *arena) {
-    int **arrays[DGFEM_DIRECTIONS + 10];
+    int **arrays[DGFEM_DIRECTIONS + 11];
     size_t n = (size_t)d->graph->count;
     int count = 0, i;
     for (i = 0; i < DGFEM_DIRECTIONS; i++) arrays[count++] = &d->sorted[i];
     arrays[count++] = &d->part, arrays[count++] = &d->degree, arrays[count++] = &d->ahead;
     arrays[count++] = &d->scratch, arrays[count++] = &d->band, arrays[count++] = &d->level;
     arrays[count++] = &d->before, arrays[count++] = &d->after;
-    arrays[count++] = &d->queue, arrays[count++] = &d->from; /* twice as long */
+    arrays[count++] = &d->stack, arrays[count++] = &d->list, arrays[count++] = &d->from; /* twice as long */
     for (i = 0; i < count; i++) {
-        *arrays[i] = (int *)dgfemi_arena_allocate_zero(arena, i < count - 2 ? n : 2 * n, sizeof(int));
+        *arrays[i] = (int *)dgfemi_arena_allocate_zero(arena, i < count - 3 ? n : 2 * n, sizeof(int));
         if (!*arrays[i]) return 0;
     }
     d->side = (unsigned char *)dgfemi_arena_allocate(arena, n, 1);
@@ -10131,15 +10184,11 @@ static double dgfemi_part_degrees(dgfemi_dissection *d, int first, int last) {
     return edges ? total : 0;
 }
 
-/* Splits the range of a list by side, otherwise in its order. */
-static void dgfemi_split_list(dgfemi_dissection *d, int *list, int count, int sizes[3]) {
-    int side, i, used = 0;
-    for (side = 0; side < 3; side++) {
-        int before = used;
-        for (i = 0; i < count; i++)
-            if (d->side[list[i]] == side) d->scratch[used++] = list[i];
-        sizes[side] = used - before;
-    }
+/* Sorts the range of a list by side, otherwise in its order. */
+static void dgfemi_split_list(dgfemi_dissection *d, int *list, int count, const int sizes[3]) {
+    int place[3], i;
+    place[0] = 0, place[1] = sizes[0], place[2] = sizes[0] + sizes[1];
+    for (i = 0; i < count; i++) d->scratch[place[d->side[list[i]]]++] = list[i];
     memcpy(list, d->scratch, (size_t)count * sizeof *list);
 }
 
@@ -10157,11 +10206,13 @@ static int dgfemi_dissect(dgfemi_dissection *d, int first, int last, int sizes[3
     dgfemi_apply_cut(d, first, last, &best);
     for (i = 0; i < 4; i++) /* twice in a band that follows the cut closely, then twice in a wider one */
         if (!dgfemi_narrow_separator(d, first, last, 1 + i / 2, &best.cost)) break;
-    for (i = 0; i < DGFEM_DIRECTIONS; i++) dgfemi_split_list(d, d->sorted[i] + first, last - first, sizes);
+    sizes[0] = sizes[1] = sizes[2] = 0;
     for (at = first; at < last; at++) {
         int v = d->sorted[0][at];
         d->part[v] = d->side[v] == DGFEM_SIDE_SEPARATOR ? DGFEM_NONE : d->parts + d->side[v];
+        sizes[d->side[v]]++;
     }
+    for (i = 0; i < DGFEM_DIRECTIONS; i++) dgfemi_split_list(d, d->sorted[i] + first, last - first, sizes);
     d->parts += 2;
     return 1;
 }
@@ -11392,8 +11443,7 @@ typedef struct dgfemi_pcg {
     double best_rho;
 } dgfemi_pcg;
 
-static void dgfemi_pcg_keep_best(dgfemi_pcg *s) {
-    if (!(s->rho < s->best_rho)) return;
+static void dgfemi_pcg_set_best(dgfemi_pcg *s) {
     s->best_rho = s->rho;
     memcpy(s->best, s->x, (size_t)s->matrix->size * sizeof *s->x);
 }
@@ -11406,6 +11456,7 @@ static void dgfemi_pcg_restart(dgfemi_pcg *s) {
     dgfemi_precondition(s->matrix, s->inverse, s->r, s->z);
     memcpy(s->p, s->z, (size_t)n * sizeof *s->p);
     s->rho = dgfemi_vector_dot(n, s->r, s->z);
+    dgfemi_pcg_set_best(s);
 }
 
 /* One step of Hestenes and Stiefel. 0 on breakdown: A or D^-1 is not positive definite, or a number not finite. */
@@ -11427,27 +11478,25 @@ static int dgfemi_pcg_iterate(dgfemi_pcg *s) {
     return 1;
 }
 
-/* 1 when converged. The residual that is carried along drifts from the true one: when it is small enough, the true one
-   is computed; is that not, the iteration starts anew from it, as long as this gains something. */
+/* 1 when converged. The residual that is carried along drifts from the true one, and keeps falling where that cannot:
+   when it is small enough, or as small as round-off, the true one is computed and the iteration starts anew from it, as
+   long as this gains something. */
 static int dgfemi_pcg_run(dgfemi_pcg *s, const dgfem_pcg_desc *desc, int *iterations) {
-    double target = (double)desc->tolerance * (double)desc->tolerance * s->norm, last_true;
-    int is_true = 1;
+    double target = (double)desc->tolerance * (double)desc->tolerance * s->norm;
+    double noise = (double)DGFEM_EPSILON * (double)DGFEM_EPSILON * s->norm, last_true;
+    *iterations = 0;
     dgfemi_pcg_restart(s);
-    s->best_rho = last_true = s->rho;
-    memcpy(s->best, s->x, (size_t)s->matrix->size * sizeof *s->x);
-    for (*iterations = 0;;) {
-        if (!is_true && s->rho <= target) {
-            dgfemi_pcg_restart(s);
-            is_true = 1;
-            if (s->rho > target && !(s->rho < last_true / 4)) return 0;
-            last_true = s->rho;
-        }
-        if (s->rho <= target) return 1;
+    last_true = s->rho;
+    while (!(s->rho <= target)) {
         if (*iterations == desc->max_iterations || !dgfemi_pcg_iterate(s)) return 0;
-        is_true = 0;
         ++*iterations;
-        dgfemi_pcg_keep_best(s);
+        if (s->rho < s->best_rho) dgfemi_pcg_set_best(s);
+        if (s->rho > target && s->rho > noise) continue;
+        dgfemi_pcg_restart(s);
+        if (s->rho > target && !(s->rho < last_true / 4)) return 0;
+        last_true = s->rho;
     }
+    return 1;
 }
 
 /* `work` has room for dgfem_pcg_work_size. Returns OK, NOT_POSITIVE_DEFINITE or NOT_CONVERGED. */
@@ -12672,6 +12721,7 @@ static void dgfemi_embedding_points(const dgfem_embedding *embedding, const dgfe
 
 struct dgfem_contacts {
     dgfem_embedding *embedding; /* of the contact points */
+    int from_corners;           /* 1: the points are the mesh's boundary corners */
     dgfem_real *area;           /* [points] */
     dgfem_vec3 *sample_value;   /* [samples] */
     dgfem_vec3 *displacement;   /* [points] */
@@ -12824,6 +12874,7 @@ static dgfem_status dgfemi_contacts_create(const dgfem_body *body, const dgfem_p
     DGFEM_ASSERT(!points || areas);
     if (!contacts) return dgfemi_fail_memory(hooks);
     contacts->hooks = *hooks;
+    contacts->from_corners = !points;
     if (points) {
         status = dgfemi_embedding_create(body, points, hooks, &contacts->embedding);
         if (status == DGFEM_OK) {
@@ -12840,6 +12891,13 @@ static dgfem_status dgfemi_contacts_create(const dgfem_body *body, const dgfem_p
     }
     *out = contacts;
     return DGFEM_OK;
+}
+
+/* The same contact points for a body whose polynomials or elements have changed. */
+static dgfem_status dgfemi_contacts_renew(const dgfem_contacts *old, const dgfem_body *body, dgfem_contacts **out) {
+    if (old->from_corners) return dgfemi_contacts_create(body, NULL, NULL, out);
+    dgfem_points_in points = dgfem_points_in_vec3(old->embedding->points, old->embedding->point_count);
+    return dgfemi_contacts_create(body, &points, old->area, out);
 }
 
 /* ---- one contact ---- */
@@ -14883,6 +14941,194 @@ DGFEM_API dgfem_real dgfem_body_volume(const dgfem_body *body) {
         volume += dgfemi_determinant(&f) * body->mesh->elements[e].volume;
     }
     return volume;
+}
+
+/* ==== degree.c ==================================================================================================== */
+
+/* Changing the polynomial degree of elements while the body lives: coefficients are kept exactly when the degree is
+   raised and L2-projected when it is lowered; integrals of what did not change are kept. */
+
+/* u_new of one element. The new basis is the first part of the old one or the other way round, so raising adds zeros
+   and lowering solves M_new u_new = (first rows of M_old) u_old, with M_new the first rows and columns of M_old. */
+static void dgfemi_project_degree(const dgfem_real *mass, int n_old, int n_new, const dgfem_vec3 *old,
+                                  dgfem_vec3 *out) {
+    dgfem_real m[DGFEM_MAX_BASIS * DGFEM_MAX_BASIS];
+    memset(out, 0, (size_t)n_new * sizeof *out);
+    if (n_new >= n_old) {
+        memcpy(out, old, (size_t)n_old * sizeof *out);
+        return;
+    }
+    for (int i = 0; i < n_new; i++) {
+        memcpy(m + i * n_new, mass + i * n_old, (size_t)n_new * sizeof *m);
+        for (int j = 0; j < n_old; j++) out[i] = dgfemi_add_scaled(out[i], mass[i * n_old + j], old[j]);
+    }
+    int ok = dgfemi_cholesky_dense(m, n_new); /* factored as part of the old mass matrix before */
+    DGFEM_ASSERT(ok);
+    (void)ok;
+    dgfemi_cholesky_dense_solve(m, n_new, (dgfem_real *)(void *)out, 3);
+}
+
+/* The new forms of a face: copied where both sides kept their degree, else integrated, with the ghost of a held face
+   carried over. 0 when out of memory. */
+static int dgfemi_renew_face_form(const dgfem_body *old, const dgfem_body *body, const dgfemi_face_form *from,
+                                  dgfemi_face_form *to) {
+    int a = from->element[0], b = from->element[1];
+    *to = *from;
+    if (old->degree[a] == body->degree[a] && (b == DGFEM_NONE || old->degree[b] == body->degree[b])) {
+        size_t size = dgfemi_face_form_size(from);
+        if (!dgfemi_forms_take(body->forms, &body->hooks, size, &to->data)) return 0;
+        memcpy(body->forms->data + to->data, old->forms->data + from->data, size * sizeof(dgfem_real));
+        return 1;
+    }
+    if (!dgfemi_forms_set_face(body, body->forms, to)) return 0;
+    if (b == DGFEM_NONE) {
+        int kept = from->count[1] < to->count[1] ? from->count[1] : to->count[1];
+        memcpy(dgfemi_form_ghost(body->forms, to), dgfemi_form_ghost(old->forms, from),
+               (size_t)kept * sizeof(dgfem_vec3));
+    }
+    return 1;
+}
+
+static int dgfemi_renew_forms(const dgfem_body *old, dgfem_body *body) {
+    const dgfem_hooks *hooks = &body->hooks;
+    dgfem_forms *forms = (dgfem_forms *)dgfemi_allocate_zero(hooks, 1, sizeof *forms);
+    body->forms = forms;
+    if (!forms) return 0;
+    int elements = body->mesh->element_count, faces = old->forms->face_count;
+    forms->elements = (dgfemi_element_form *)dgfemi_allocate(hooks, (size_t)elements, sizeof *forms->elements);
+    forms->faces = (dgfemi_face_form *)dgfemi_allocate(hooks, (size_t)faces, sizeof *forms->faces);
+    if (!forms->elements || !forms->faces) return 0;
+    forms->face_capacity = faces;
+    for (int e = 0; e < elements; e++) {
+        if (old->degree[e] != body->degree[e]) {
+            if (!dgfemi_forms_set_element(body, forms, e)) return 0;
+            continue;
+        }
+        size_t size = dgfemi_element_form_size(old->forms->elements[e].count);
+        forms->elements[e] = old->forms->elements[e];
+        if (!dgfemi_forms_take(forms, hooks, size, &forms->elements[e].data)) return 0;
+        memcpy(forms->data + forms->elements[e].data, old->forms->data + old->forms->elements[e].data,
+               size * sizeof(dgfem_real));
+    }
+    for (; forms->face_count < faces; forms->face_count++)
+        if (!dgfemi_renew_face_form(old, body, &old->forms->faces[forms->face_count], &forms->faces[forms->face_count]))
+            return 0;
+    return 1;
+}
+
+static void dgfemi_project_state(const dgfem_body *old, dgfem_body *body) {
+    for (int e = 0; e < body->mesh->element_count; e++) {
+        const dgfem_real *mass = dgfemi_form_mass(old->forms, e);
+        int from = old->basis_start[e], to = body->basis_start[e];
+        int n_old = dgfemi_element_basis(old, e), n_new = dgfemi_element_basis(body, e);
+        dgfemi_project_degree(mass, n_old, n_new, old->displacement + from, body->displacement + to);
+        dgfemi_project_degree(mass, n_old, n_new, old->velocity + from, body->velocity + to);
+    }
+}
+
+/* New values of held elements, in the order of the conditions; NULL entries for the other kinds. 0 when out of
+   memory. */
+static int dgfemi_renew_values(const dgfem_body *old, const dgfem_body *body, dgfem_vec3 **values) {
+    for (int c = 0; c < old->condition_count; c++) {
+        const dgfem_condition *condition = &old->conditions[c];
+        size_t count = 0;
+        if (condition->kind != DGFEM_CONDITION_FIX_ELEMENTS) continue;
+        for (int i = 0; i < condition->count; i++) count += (size_t)dgfemi_element_basis(body, condition->items[i]);
+        values[c] = (dgfem_vec3 *)dgfemi_allocate(&body->hooks, count, sizeof(dgfem_vec3));
+        if (!values[c]) return 0;
+        const dgfem_vec3 *from = condition->values;
+        dgfem_vec3 *to = values[c];
+        for (int i = 0; i < condition->count; i++) {
+            int e = condition->items[i], n_old = dgfemi_element_basis(old, e), n_new = dgfemi_element_basis(body, e);
+            dgfemi_project_degree(dgfemi_form_mass(old->forms, e), n_old, n_new, from, to);
+            from += n_old, to += n_new;
+        }
+    }
+    return 1;
+}
+
+/* Everything of the body that depends on degrees, made anew in `body`, a copy of `old` in which those members are
+   NULL. */
+static dgfem_status dgfemi_renew_body(const dgfem_body *old, dgfem_body *body, const int *degrees,
+                                      dgfem_vec3 **values) {
+    size_t n = (size_t)body->mesh->element_count;
+    body->degree = (int *)dgfemi_duplicate(&body->hooks, degrees, n, sizeof(int));
+    body->basis_start = (int *)dgfemi_allocate(&body->hooks, n + 1, sizeof(int));
+    if (!body->degree || !body->basis_start) return DGFEM_ERROR_MEMORY;
+    body->basis_start[0] = 0;
+    for (size_t e = 0; e < n; e++) body->basis_start[e + 1] = body->basis_start[e] + dgfem_monomial_count(degrees[e]);
+    body->basis_count = body->basis_start[n];
+    if (!dgfemi_body_allocate_state(body) || !dgfemi_renew_forms(old, body)) return DGFEM_ERROR_MEMORY;
+    dgfemi_project_state(old, body);
+    if (!dgfemi_renew_values(old, body, values)) return DGFEM_ERROR_MEMORY;
+    dgfem_status status = dgfemi_body_create_solver(body);
+    if (!status && old->contacts) status = dgfemi_contacts_renew(old->contacts, body, &body->contacts);
+    return status;
+}
+
+/* Frees the members that dgfemi_renew_body makes. */
+static void dgfemi_free_renewed(dgfem_body *body) {
+    dgfem_hooks hooks = body->hooks;
+    dgfemi_free(&hooks, body->degree);
+    dgfemi_free(&hooks, body->basis_start);
+    dgfemi_free(&hooks, body->displacement);
+    dgfemi_free(&hooks, body->velocity);
+    dgfemi_free(&hooks, body->force);
+    dgfemi_free(&hooks, body->work);
+    dgfemi_forms_destroy(body->forms, &hooks);
+    dgfemi_contacts_destroy(body->contacts);
+    dgfem_matrix_destroy(body->matrix);
+    dgfem_cholesky_destroy(body->cholesky);
+}
+
+static dgfem_status dgfemi_set_degrees(dgfem_body *body, const int *degrees) {
+    dgfemi_arena arena = dgfemi_arena_make(&body->hooks);
+    dgfem_body next = *body, last = *body;
+    dgfem_vec3 **values =
+        (dgfem_vec3 **)dgfemi_arena_allocate_zero(&arena, (size_t)body->condition_count, sizeof *values);
+    if (!values) return dgfemi_fail_memory(&body->hooks);
+    next.degree = next.basis_start = NULL;
+    next.displacement = next.velocity = next.force = NULL;
+    next.work = NULL, next.forms = NULL, next.contacts = NULL, next.matrix = NULL, next.cholesky = NULL;
+    next.revision++; /* contact points are embedded in the new revision */
+    dgfem_status status = dgfemi_renew_body(body, &next, degrees, values);
+    if (status) {
+        for (int c = 0; c < body->condition_count; c++) dgfemi_free(&body->hooks, values[c]);
+        dgfemi_free_renewed(&next);
+        dgfemi_arena_free(&arena);
+        return status == DGFEM_ERROR_MEMORY ? dgfemi_fail_memory(&body->hooks) : status;
+    }
+    *body = next;
+    for (int c = 0; c < body->condition_count; c++) {
+        if (!values[c]) continue;
+        dgfemi_free(&body->hooks, body->conditions[c].values);
+        body->conditions[c].values = values[c];
+    }
+    dgfemi_update_force(body);
+    dgfemi_free_renewed(&last);
+    dgfemi_arena_free(&arena);
+    return DGFEM_OK;
+}
+
+DGFEM_API dgfem_status dgfem_body_set_degrees(dgfem_body *body, const int *degrees) {
+    if (!body || !degrees) return DGFEM_ERROR_ARGUMENT;
+    for (int e = 0; e < body->mesh->element_count; e++)
+        if (degrees[e] < 1 || degrees[e] > DGFEM_MAX_DEGREE)
+            return dgfemi_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "element %d: degree %d, expected 1..%d", e,
+                               degrees[e], DGFEM_MAX_DEGREE);
+    return dgfemi_set_degrees(body, degrees);
+}
+
+DGFEM_API dgfem_status dgfem_body_set_degree(dgfem_body *body, int element, int degree) {
+    if (!body) return DGFEM_ERROR_ARGUMENT;
+    dgfem_status status = dgfemi_check_elements(body, &element, 1);
+    if (status) return status;
+    int *degrees = (int *)dgfemi_duplicate(&body->hooks, body->degree, (size_t)body->mesh->element_count, sizeof(int));
+    if (!degrees) return dgfemi_fail_memory(&body->hooks);
+    degrees[element] = degree;
+    status = dgfem_body_set_degrees(body, degrees);
+    dgfemi_free(&body->hooks, degrees);
+    return status;
 }
 
 /* ==== skin.c ====================================================================================================== */

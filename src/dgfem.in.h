@@ -199,6 +199,7 @@
 #include "dgfem/solve.c"
 #include "dgfem/stability.c"
 #include "dgfem/query.c"
+#include "dgfem/degree.c"
 #include "dgfem/skin.c"
 #endif /* DGFEM_IMPLEMENTATION */
 

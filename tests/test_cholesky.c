@@ -146,16 +146,15 @@ static void grids_of_hexahedra_leave_residuals_of_round_off(void **state) {
    of the time. */
 static void long_chains_and_large_stars_are_solved(void **state) {
     check_random random = check_random_seeded(5);
-    check_blocks chain = check_blocks_chain(100000, 3), star = check_blocks_star(100000, 3);
-    check_blocks loose = check_blocks_make(100000, 2);
-    int k, i;
+    check_blocks chain = check_blocks_chain(100000, 3), star = check_blocks_star(30000, 3);
+    check_blocks loose = check_blocks_make(30000, 2);
+    int i;
     (void)state;
-    for (k = 0; k < 4; k++) check_large(&chain, &random, all_orderings[k]);
-    for (k = 0; k < 4; k++)
-        if (all_orderings[k] != DGFEM_ORDERING_NATURAL) check_large(&star, &random, all_orderings[k]);
-    check_large(&loose, &random, DGFEM_ORDERING_AUTO);
+    check_large(&chain, &random, DGFEM_ORDERING_NATURAL);
+    check_large(&chain, &random, DGFEM_ORDERING_AUTO);
+    check_large(&star, &random, DGFEM_ORDERING_AUTO);
     for (i = 0; i < loose.count; i++) loose.centres[i] = loose.centres[0];
-    check_large(&loose, &random, DGFEM_ORDERING_NESTED_DISSECTION);
+    check_large(&loose, &random, DGFEM_ORDERING_AUTO);
     check_blocks_free(&chain);
     check_blocks_free(&star);
     check_blocks_free(&loose);
@@ -550,7 +549,7 @@ static dgfem_status create_and_destroy(void *context, const dgfem_hooks *hooks) 
 }
 
 static void every_allocation_may_fail(void **state) {
-    check_blocks blocks = check_blocks_grid(9, 9, 9, 12);
+    check_blocks blocks = check_blocks_grid(6, 6, 6, 12);
     dgfem_matrix *matrix = check_matrix_make(&blocks, 1);
     (void)state;
     assert_true(check_every_allocation(create_and_destroy, matrix) > 13);

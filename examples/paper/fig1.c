@@ -42,7 +42,7 @@ int main(int argc, char **argv) {
     for (int n = 2; n <= (out->quick ? 8 : 32); n *= 2)
         paper_row(out, "%d^2|%.3e|%.3e|%.1e", n, solve(n, 0, 10).error, solve(n, 0, 100).error, solve(n, 1, 10).error);
     paper_print(out);
-    paper_table(out, "Fig. 1 row by row", "quantity|ours|paper|prototype");
+    paper_table(out, "Fig. 1 row by row", "quantity|ours|paper|expected");
     paper_row(out, "IP: largest L2 error over all penalties|%.1e|exact, independent of eta|exact for every eta", worst);
     paper_row(out, "BZ: L2 error times eta, eta large|%.3f|not exact; falls as eta grows|0.19", scaled);
     paper_print(out);

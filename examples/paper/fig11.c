@@ -137,7 +137,7 @@ int main(int argc, char **argv) {
     }
     double ratio = sizes[a] / sizes[b];
     paper_note("Beyond about 1e15 the figures are round-off.");
-    paper_table(out, "Fig. 11 row by row", "quantity|ours|paper|prototype");
+    paper_table(out, "Fig. 11 row by row", "quantity|ours|paper|expected");
     paper_row(out, "p=1, global monomials: power of s|%.2f|grows as Vmax/Vmin, s^-3|-3",
               paper_rate(c[1][b].global, c[1][a].global, 1 / ratio));
     paper_row(out, "p=2, global monomials, s = 0.05 to 0.01: power of s|%.2f|-|-5",

@@ -74,7 +74,7 @@ int main(int argc, char **argv) {
                   c[i][2].raw, c[i][2].scaled, c[i][3].raw, c[i][3].scaled);
     }
     paper_print(out);
-    paper_table(out, "Fig. 12 row by row", "quantity|ours|paper|prototype");
+    paper_table(out, "Fig. 12 row by row", "quantity|ours|paper|expected");
     paper_row(out, "p=1: limit of the condition number, raw|%.1f|stays finite|530.7, other dimensions", c[HEIGHTS - 1][1].raw);
     paper_row(out, "p=1: change from eps = 1e-4 to 1e-8|%.1e|none|none",
               fabs(c[HEIGHTS - 1][1].raw / c[HEIGHTS - 3][1].raw - 1));

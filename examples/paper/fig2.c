@@ -102,12 +102,12 @@ static void print_levels(paper *out, const char *title, result (*r)[METHODS], in
 
 /* Too much penalty hurts linear polynomials on squares: they cannot be continuous there. */
 static void print_penalties(paper *out, double continuous) {
-    static const double etas[] = {2, 4, 10, 40}, prototype[] = {3.7e-3, 6.2e-3, 1.5e-2, 5.3e-2};
-    paper_table(out, "IP p=1 on 16^2 squares: L2 error for growing penalty", "eta|ours|prototype");
+    static const double etas[] = {2, 4, 10, 40}, expected[] = {3.7e-3, 6.2e-3, 1.5e-2, 5.3e-2};
+    paper_table(out, "IP p=1 on 16^2 squares: L2 error for growing penalty", "eta|ours|expected");
     for (int i = 0; i < 4; i++) {
         method m = methods[2];
         m.eta = etas[i];
-        paper_row(out, "%g|%.2e|%.1e", etas[i], solve(&m, 16, 1, 0).error, prototype[i]);
+        paper_row(out, "%g|%.2e|%.1e", etas[i], solve(&m, 16, 1, 0).error, expected[i]);
     }
     paper_row(out, "CG bilinear|%.2e|1.9e-3", continuous);
     paper_print(out);
@@ -118,7 +118,7 @@ static void print_comparison(paper *out, result (*r)[METHODS], int levels) {
     double least[2][2];
     for (int degree = 1; degree <= 2; degree++)
         for (int factor = 1; factor <= 2; factor++) least[degree - 1][factor - 1] = least_eta(degree, factor);
-    paper_table(out, "Fig. 2 row by row", "quantity|ours|paper|prototype or theory");
+    paper_table(out, "Fig. 2 row by row", "quantity|ours|paper|expected");
     paper_row(out, "rate of CG bilinear|%.2f|(plot)|2", paper_rate(a[0].error, b[0].error, 2));
     paper_row(out, "rate of IP p=1|%.2f|similar to CG|2", paper_rate(a[2].error, b[2].error, 2));
     paper_row(out, "rate of IP p=2|%.2f|faster|3", paper_rate(a[4].error, b[4].error, 2));

@@ -173,7 +173,7 @@ int main(int argc, char **argv) {
     double reference = default_tip(boxes(out->quick ? 3 : 4), 3);
     paper_row(out, "reference: IP p=3, finer boxes|%.4f", reference);
     paper_print(out);
-    paper_table(out, "Fig. 3 row by row", "quantity|ours|paper|limit or prototype");
+    paper_table(out, "Fig. 3 row by row", "quantity|ours|paper|expected");
     paper_row(out, "tip / CG tip, eta = 1e5|%.5f|approximates CG|1", last.tip / tetrahedra);
     paper_row(out, "jump / tip, eta = 1e5|%.1e|-|0", last.jump / fabs(last.tip));
     paper_row(out, "tip / rigid cells' tip, eta = 1e-4|%.5f|reproduces PriMo|1", first.tip / first.rigid);

@@ -148,7 +148,7 @@ static inline void paper_print(paper *out) {
     }
     for (int r = 0; out->csv && r < out->rows; r++)
         for (int c = 0; c < out->columns; c++)
-            fprintf(out->csv, "%s%s", out->cells[r][c], c + 1 < out->columns ? "," : "\n");
+            fprintf(out->csv, "\"%s\"%s", out->cells[r][c], c + 1 < out->columns ? "," : "\n");
     if (out->csv) fprintf(out->csv, "\n\n");
     fflush(stdout);
 }

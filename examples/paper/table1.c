@@ -91,7 +91,7 @@ int main(int argc, char **argv) {
     paper *out = paper_begin(&p);
     figures f[ROWS];
     for (int i = 0; i < ROWS; i++) f[i] = measure(&rows[i], out->quick ? 4 : 10);
-    paper_table(out, "Table 1, beside the paper's (times in ms)",
+    paper_table(out, "Table 1 row by row: ours and the paper's (times in ms)",
                 "method|cells|unknowns|share %|paper|integrate|paper|assemble|paper|analyse|solve|paper");
     for (int i = 0; i < ROWS; i++) {
         const row *r = &rows[i];

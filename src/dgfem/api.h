@@ -738,6 +738,12 @@ DGFEM_API dgfem_status dgfem_body_step(dgfem_body *body, dgfem_real dt, dgfem_st
    Velocities become zero. DGFEM_ERROR_NOT_CONVERGED leaves the body as it was. */
 DGFEM_API dgfem_status dgfem_body_solve_static(dgfem_body *body, const dgfem_static_desc *desc, dgfem_step_info *info);
 
+/* Changes the polynomial degree of one element, or of all ([element_count]). The state is kept exactly where the degree
+   is raised and projected (L2, momentum kept) where it is lowered; integrals of what did not change are kept. Held faces
+   keep their prescribed polynomial: call resample_fixture for more of a function. On failure nothing has changed. */
+DGFEM_API dgfem_status dgfem_body_set_degree(dgfem_body *body, int element, int degree);
+DGFEM_API dgfem_status dgfem_body_set_degrees(dgfem_body *body, const int *degrees);
+
 /* ---- stability of the interior penalty ---- */
 
 /* theta of an element: where eta > theta in all elements the stiffness is positive definite, whatever the elements'

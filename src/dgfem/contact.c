@@ -23,6 +23,7 @@
 
 struct dgfem_contacts {
     dgfem_embedding *embedding; /* of the contact points */
+    int from_corners;           /* 1: the points are the mesh's boundary corners */
     dgfem_real *area;           /* [points] */
     dgfem_vec3 *sample_value;   /* [samples] */
     dgfem_vec3 *displacement;   /* [points] */
@@ -175,6 +176,7 @@ static dgfem_status dgfemi_contacts_create(const dgfem_body *body, const dgfem_p
     DGFEM_ASSERT(!points || areas);
     if (!contacts) return dgfemi_fail_memory(hooks);
     contacts->hooks = *hooks;
+    contacts->from_corners = !points;
     if (points) {
         status = dgfemi_embedding_create(body, points, hooks, &contacts->embedding);
         if (status == DGFEM_OK) {
@@ -191,6 +193,13 @@ static dgfem_status dgfemi_contacts_create(const dgfem_body *body, const dgfem_p
     }
     *out = contacts;
     return DGFEM_OK;
+}
+
+/* The same contact points for a body whose polynomials or elements have changed. */
+static dgfem_status dgfemi_contacts_renew(const dgfem_contacts *old, const dgfem_body *body, dgfem_contacts **out) {
+    if (old->from_corners) return dgfemi_contacts_create(body, NULL, NULL, out);
+    dgfem_points_in points = dgfem_points_in_vec3(old->embedding->points, old->embedding->point_count);
+    return dgfemi_contacts_create(body, &points, old->area, out);
 }
 
 /* ---- one contact ---- */

@@ -388,7 +388,7 @@ typedef struct dgfemi_dissection {
     int *level;                    /* [count] distance from the separator; DGFEM_NONE outside the band */
     unsigned char *touches;        /* [count] bit 0: the part passed, bit 1: the part ahead, both without the band */
     int *before, *after;           /* [count] neighbours on the path through a vertex, or one of the following */
-    int *queue, *from;             /* [2 * count] states of a search, and where each was reached from */
+    int *stack, *list, *from;      /* [2 * count] states to go on from, all states reached, what each was reached from */
     unsigned char *reached;        /* [2 * count] */
     unsigned char *old_side;       /* [count] */
 } dgfemi_dissection;
@@ -548,7 +548,7 @@ static void dgfemi_collect_band(dgfemi_dissection *d, int first, int last, int d
     }
     for (at = 0; at < d->band_count; at++) {
         int v = d->band[at];
-        d->touches[v] = 0;
+        d->touches[v] = d->reached[2 * v] = d->reached[2 * v + 1] = 0;
         d->before[v] = d->after[v] = DGFEM_NONE;
         d->old_side[v] = d->side[v];
         for (k = graph->start[v]; k < graph->start[v + 1]; k++) {
@@ -564,36 +564,38 @@ static void dgfemi_collect_band(dgfemi_dissection *d, int first, int last, int d
     }
 }
 
-static void dgfemi_reach(dgfemi_dissection *d, int state, int from, int *queued) {
+static void dgfemi_reach(dgfemi_dissection *d, int state, int from, int *stacked, int *listed) {
     if (d->reached[state]) return;
     d->reached[state] = 1;
     d->from[state] = from;
-    d->queue[(*queued)++] = state;
+    d->stack[(*stacked)++] = d->list[(*listed)++] = state;
 }
 
-/* One breadth-first search for a path that, if need be, pushes others aside. Returns the exit that it leaves the band
-   by, or DGFEM_NONE. */
-static int dgfemi_find_path(dgfemi_dissection *d) {
+/* A depth-first search for a path from a vertex that touches the part passed; it may push other paths aside. Returns the
+   exit that it leaves the band by, or DGFEM_NONE. What a vain search has reached stays marked: no later search can find
+   a way out from there either. */
+static int dgfemi_find_path(dgfemi_dissection *d, int source) {
     const dgfemi_graph *graph = d->graph;
-    int queued = 0, at, i, k;
-    for (i = 0; i < d->band_count; i++) d->reached[2 * d->band[i]] = d->reached[2 * d->band[i] + 1] = 0;
-    for (i = 0; i < d->band_count; i++)
-        if (d->touches[d->band[i]] & 1) dgfemi_reach(d, 2 * d->band[i], DGFEM_NONE, &queued);
-    for (at = 0; at < queued; at++) {
-        int state = d->queue[at], v = state / 2, taken = d->after[v] != DGFEM_NONE;
+    int stacked = 0, listed = 0, end = DGFEM_NONE, k;
+    dgfemi_reach(d, 2 * source, DGFEM_NONE, &stacked, &listed);
+    while (stacked > 0 && end == DGFEM_NONE) {
+        int state = d->stack[--stacked], v = state / 2, taken = d->after[v] != DGFEM_NONE;
         if (state % 2 == 0) {
-            if (!taken) dgfemi_reach(d, state + 1, state, &queued);
-            else if (d->before[v] >= 0) dgfemi_reach(d, 2 * d->before[v] + 1, state, &queued);
+            if (!taken) dgfemi_reach(d, state + 1, state, &stacked, &listed);
+            else if (d->before[v] >= 0) dgfemi_reach(d, 2 * d->before[v] + 1, state, &stacked, &listed);
             continue;
         }
-        if (d->touches[v] & 2) return state;
-        if (taken) dgfemi_reach(d, state - 1, state, &queued);
+        if (d->touches[v] & 2) end = state;
+        if (taken) dgfemi_reach(d, state - 1, state, &stacked, &listed);
         for (k = graph->start[v]; k < graph->start[v + 1]; k++) {
             int u = graph->neighbour[k];
-            if (d->part[u] == d->part[v] && d->level[u] != DGFEM_NONE) dgfemi_reach(d, 2 * u, state, &queued);
+            if (d->part[u] == d->part[v] && d->level[u] != DGFEM_NONE)
+                dgfemi_reach(d, 2 * u, state, &stacked, &listed);
         }
     }
-    return DGFEM_NONE;
+    if (end != DGFEM_NONE)
+        while (listed > 0) d->reached[d->list[--listed]] = 0;
+    return end;
 }
 
 /* Takes the path found into the set: first unlinks the steps that it goes against, then links its own. */
@@ -615,13 +617,18 @@ static void dgfemi_take_path(dgfemi_dissection *d, int last) {
    here, by their weights in the cost. */
 static int dgfemi_narrow_separator(dgfemi_dissection *d, int first, int last, int depth, double *cost) {
     double weight[3] = {0, 0, 0}, new_cost;
-    int path, at, i;
+    int at, i;
     dgfemi_collect_band(d, first, last, depth);
-    while ((path = dgfemi_find_path(d)) != DGFEM_NONE) dgfemi_take_path(d, path);
+    for (i = 0; i < d->band_count; i++) {
+        int source = d->band[i], path = DGFEM_NONE;
+        if (d->touches[source] & 1) path = dgfemi_find_path(d, source);
+        if (path != DGFEM_NONE) dgfemi_take_path(d, path);
+    }
     for (i = 0; i < d->band_count; i++) {
         int v = d->band[i];
         d->side[v] = DGFEM_SIDE_AHEAD;
-        if (d->reached[2 * v]) d->side[v] = d->reached[2 * v + 1] ? DGFEM_SIDE_PASSED : DGFEM_SIDE_SEPARATOR;
+        if (d->reached[2 * v] || (d->touches[v] & 1))
+            d->side[v] = d->reached[2 * v + 1] ? DGFEM_SIDE_PASSED : DGFEM_SIDE_SEPARATOR;
     }
     for (at = first; at < last; at++) weight[d->side[d->sorted[0][at]]] += d->graph->weight[d->sorted[0][at]];
     new_cost = dgfemi_cut_cost(weight[DGFEM_SIDE_SEPARATOR], weight[DGFEM_SIDE_PASSED], weight[DGFEM_SIDE_AHEAD]);
@@ -636,16 +643,16 @@ static int dgfemi_narrow_separator(dgfemi_dissection *d, int first, int last, in
 /* ---- the recursion ---- */
 
 static int dgfemi_dissection_allocate(dgfemi_dissection *d, dgfemi_arena *arena) {
-    int **arrays[DGFEM_DIRECTIONS + 10];
+    int **arrays[DGFEM_DIRECTIONS + 11];
     size_t n = (size_t)d->graph->count;
     int count = 0, i;
     for (i = 0; i < DGFEM_DIRECTIONS; i++) arrays[count++] = &d->sorted[i];
     arrays[count++] = &d->part, arrays[count++] = &d->degree, arrays[count++] = &d->ahead;
     arrays[count++] = &d->scratch, arrays[count++] = &d->band, arrays[count++] = &d->level;
     arrays[count++] = &d->before, arrays[count++] = &d->after;
-    arrays[count++] = &d->queue, arrays[count++] = &d->from; /* twice as long */
+    arrays[count++] = &d->stack, arrays[count++] = &d->list, arrays[count++] = &d->from; /* twice as long */
     for (i = 0; i < count; i++) {
-        *arrays[i] = (int *)dgfemi_arena_allocate_zero(arena, i < count - 2 ? n : 2 * n, sizeof(int));
+        *arrays[i] = (int *)dgfemi_arena_allocate_zero(arena, i < count - 3 ? n : 2 * n, sizeof(int));
         if (!*arrays[i]) return 0;
     }
     d->side = (unsigned char *)dgfemi_arena_allocate(arena, n, 1);
@@ -685,15 +692,11 @@ static double dgfemi_part_degrees(dgfemi_dissection *d, int first, int last) {
     return edges ? total : 0;
 }
 
-/* Splits the range of a list by side, otherwise in its order. */
-static void dgfemi_split_list(dgfemi_dissection *d, int *list, int count, int sizes[3]) {
-    int side, i, used = 0;
-    for (side = 0; side < 3; side++) {
-        int before = used;
-        for (i = 0; i < count; i++)
-            if (d->side[list[i]] == side) d->scratch[used++] = list[i];
-        sizes[side] = used - before;
-    }
+/* Sorts the range of a list by side, otherwise in its order. */
+static void dgfemi_split_list(dgfemi_dissection *d, int *list, int count, const int sizes[3]) {
+    int place[3], i;
+    place[0] = 0, place[1] = sizes[0], place[2] = sizes[0] + sizes[1];
+    for (i = 0; i < count; i++) d->scratch[place[d->side[list[i]]]++] = list[i];
     memcpy(list, d->scratch, (size_t)count * sizeof *list);
 }
 
@@ -711,11 +714,13 @@ static int dgfemi_dissect(dgfemi_dissection *d, int first, int last, int sizes[3
     dgfemi_apply_cut(d, first, last, &best);
     for (i = 0; i < 4; i++) /* twice in a band that follows the cut closely, then twice in a wider one */
         if (!dgfemi_narrow_separator(d, first, last, 1 + i / 2, &best.cost)) break;
-    for (i = 0; i < DGFEM_DIRECTIONS; i++) dgfemi_split_list(d, d->sorted[i] + first, last - first, sizes);
+    sizes[0] = sizes[1] = sizes[2] = 0;
     for (at = first; at < last; at++) {
         int v = d->sorted[0][at];
         d->part[v] = d->side[v] == DGFEM_SIDE_SEPARATOR ? DGFEM_NONE : d->parts + d->side[v];
+        sizes[d->side[v]]++;
     }
+    for (i = 0; i < DGFEM_DIRECTIONS; i++) dgfemi_split_list(d, d->sorted[i] + first, last - first, sizes);
     d->parts += 2;
     return 1;
 }

@@ -105,8 +105,7 @@ typedef struct dgfemi_pcg {
     double best_rho;
 } dgfemi_pcg;
 
-static void dgfemi_pcg_keep_best(dgfemi_pcg *s) {
-    if (!(s->rho < s->best_rho)) return;
+static void dgfemi_pcg_set_best(dgfemi_pcg *s) {
     s->best_rho = s->rho;
     memcpy(s->best, s->x, (size_t)s->matrix->size * sizeof *s->x);
 }
@@ -119,6 +118,7 @@ static void dgfemi_pcg_restart(dgfemi_pcg *s) {
     dgfemi_precondition(s->matrix, s->inverse, s->r, s->z);
     memcpy(s->p, s->z, (size_t)n * sizeof *s->p);
     s->rho = dgfemi_vector_dot(n, s->r, s->z);
+    dgfemi_pcg_set_best(s);
 }
 
 /* One step of Hestenes and Stiefel. 0 on breakdown: A or D^-1 is not positive definite, or a number not finite. */
@@ -140,27 +140,25 @@ static int dgfemi_pcg_iterate(dgfemi_pcg *s) {
     return 1;
 }
 
-/* 1 when converged. The residual that is carried along drifts from the true one: when it is small enough, the true one
-   is computed; is that not, the iteration starts anew from it, as long as this gains something. */
+/* 1 when converged. The residual that is carried along drifts from the true one, and keeps falling where that cannot:
+   when it is small enough, or as small as round-off, the true one is computed and the iteration starts anew from it, as
+   long as this gains something. */
 static int dgfemi_pcg_run(dgfemi_pcg *s, const dgfem_pcg_desc *desc, int *iterations) {
-    double target = (double)desc->tolerance * (double)desc->tolerance * s->norm, last_true;
-    int is_true = 1;
+    double target = (double)desc->tolerance * (double)desc->tolerance * s->norm;
+    double noise = (double)DGFEM_EPSILON * (double)DGFEM_EPSILON * s->norm, last_true;
+    *iterations = 0;
     dgfemi_pcg_restart(s);
-    s->best_rho = last_true = s->rho;
-    memcpy(s->best, s->x, (size_t)s->matrix->size * sizeof *s->x);
-    for (*iterations = 0;;) {
-        if (!is_true && s->rho <= target) {
-            dgfemi_pcg_restart(s);
-            is_true = 1;
-            if (s->rho > target && !(s->rho < last_true / 4)) return 0;
-            last_true = s->rho;
-        }
-        if (s->rho <= target) return 1;
+    last_true = s->rho;
+    while (!(s->rho <= target)) {
         if (*iterations == desc->max_iterations || !dgfemi_pcg_iterate(s)) return 0;
-        is_true = 0;
         ++*iterations;
-        dgfemi_pcg_keep_best(s);
+        if (s->rho < s->best_rho) dgfemi_pcg_set_best(s);
+        if (s->rho > target && s->rho > noise) continue;
+        dgfemi_pcg_restart(s);
+        if (s->rho > target && !(s->rho < last_true / 4)) return 0;
+        last_true = s->rho;
     }
+    return 1;
 }
 
 /* `work` has room for dgfem_pcg_work_size. Returns OK, NOT_POSITIVE_DEFINITE or NOT_CONVERGED. */

@@ -434,11 +434,38 @@ static int dgfemi_split_part_loop(dgfemi_splitter *s, dgfem_loop loop, int *p, i
     return 1;
 }
 
-/* A face with simple signs. Leaves cut->below at 0 where the crossings are the same vertex. */
+/* 1 when the element has an edge between two vertices. */
+static int dgfemi_split_has_edge(const dgfemi_splitter *s, int element, int a, int b) {
+    const dgfem_mesh *mesh = s->mesh;
+    const dgfem_element *e = &mesh->elements[element];
+    int k, l, i;
+    for (k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        for (l = face->loop_start; l < face->loop_start + face->loop_count; l++) {
+            const int *loop = mesh->loop_vertices + mesh->loops[l].start;
+            int count = mesh->loops[l].count;
+            for (i = 0; i < count; i++) {
+                int from = loop[i], to = loop[i + 1 < count ? i + 1 : 0];
+                if ((from == a && to == b) || (from == b && to == a)) return 1;
+            }
+        }
+    }
+    return 0;
+}
+
+/* 1 when some other edge joins two vertices of a face already. That takes faces which touch along it; a cut line must
+   not be taken for that edge. */
+static int dgfemi_split_is_taken(const dgfemi_splitter *s, const dgfem_face *face, int from, int to) {
+    if (from >= s->vertex_count || to >= s->vertex_count) return 0;
+    return dgfemi_split_has_edge(s, face->element[0], from, to) ||
+           (face->element[1] != DGFEM_NONE && dgfemi_split_has_edge(s, face->element[1], from, to));
+}
+
+/* A face with simple signs. Leaves cut->below at 0 where it is not so simple after all. */
 static dgfem_status dgfemi_split_cut_simple(dgfemi_splitter *s, const dgfem_face *face, dgfemi_cut_face *cut) {
     dgfem_mesh *mesh = s->mesh;
     if (!dgfemi_split_part_loop(s, mesh->loops[face->loop_start], &cut->p, &cut->q)) return DGFEM_ERROR_MEMORY;
-    if (cut->p == cut->q) return DGFEM_OK;
+    if (cut->p == cut->q || dgfemi_split_is_taken(s, face, cut->p, cut->q)) return DGFEM_OK;
     s->scratch_a.data[s->scratch_a.count++] = cut->p;
     s->scratch_a.data[s->scratch_a.count++] = cut->q;
     s->scratch_b.data[s->scratch_b.count++] = cut->q;
@@ -520,13 +547,23 @@ static dgfem_status dgfemi_split_list_crossings(dgfemi_splitter *s, const dgfem_
     return DGFEM_OK;
 }
 
+/* Adds a segment; where there is an edge like it, with a vertex in the middle. 1 on success, 0 when out of memory. */
+static int dgfemi_split_push_line(dgfemi_splitter *s, const dgfem_face *face, int from, int to) {
+    const dgfem_hooks *hooks = &s->mesh->hooks;
+    int middle;
+    if (!dgfemi_split_is_taken(s, face, from, to)) return dgfemi_segment_push(hooks, &s->lines, from, to);
+    middle = dgfemi_split_add_vertex(s, dgfemi_scale(DGFEM_R(0.5), dgfemi_add(s->mesh->vertices[from],
+                                                                             s->mesh->vertices[to])));
+    return middle != DGFEM_NONE && dgfemi_segment_push(hooks, &s->lines, from, middle) &&
+           dgfemi_segment_push(hooks, &s->lines, middle, to);
+}
+
 /* Fills s->lines with segments up -> down, broken at the vertices that touch them (one for each place):
 
          \      /
           \ w  /          w: the loop comes down from above to touch the line
        ----+-+-------                                                                                */
-static dgfem_status dgfemi_split_list_lines(dgfemi_splitter *s) {
-    const dgfem_hooks *hooks = &s->mesh->hooks;
+static dgfem_status dgfemi_split_list_lines(dgfemi_splitter *s, const dgfem_face *face) {
     int k, i, ons = s->ons.count;
     s->lines.count = 0;
     for (k = 0; k < s->ups.count; k++) {
@@ -535,10 +572,10 @@ static dgfem_status dgfemi_split_list_lines(dgfemi_splitter *s) {
         for (i = 0; i < ons; i++) {
             dgfemi_crossing on = s->ons.data[forward ? i : ons - 1 - i];
             if (!(forward ? on.t > last.t && on.t < to.t : on.t < last.t && on.t > to.t)) continue;
-            if (!dgfemi_segment_push(hooks, &s->lines, last.vertex, on.vertex)) return DGFEM_ERROR_MEMORY;
+            if (!dgfemi_split_push_line(s, face, last.vertex, on.vertex)) return DGFEM_ERROR_MEMORY;
             last = on;
         }
-        if (last.vertex != to.vertex && !dgfemi_segment_push(hooks, &s->lines, last.vertex, to.vertex))
+        if (last.vertex != to.vertex && !dgfemi_split_push_line(s, face, last.vertex, to.vertex))
             return DGFEM_ERROR_MEMORY;
     }
     return DGFEM_OK;
@@ -583,7 +620,7 @@ static dgfem_status dgfemi_split_cut_general(dgfemi_splitter *s, const dgfem_fac
     dgfem_status status = dgfemi_split_list_crossings(s, face);
     int first_above;
     cut->p = cut->q = DGFEM_NONE;
-    if (!status) status = dgfemi_split_list_lines(s);
+    if (!status) status = dgfemi_split_list_lines(s, face);
     if (!status) status = dgfemi_split_list_pieces(s, face, -1);
     if (!status) status = dgfemi_split_add_faces(s, &s->pieces, face, &cut->first, &cut->below);
     if (!status) status = dgfemi_split_list_pieces(s, face, 1);
