@@ -521,7 +521,7 @@ typedef struct creation {
 
 static dgfem_status create_and_destroy(void *context, const dgfem_hooks *hooks) {
     creation *c = (creation *)context;
-    dgfem_vec3 points[2];
+    dgfem_vec3 points[2] = {{0, 0, 0}, {0, 0, 0}};
     dgfem_real areas[2] = {1, 2};
     dgfem_points_in in = dgfem_points_in_vec3(points, 2);
     dgfem_contacts *contacts = NULL;
