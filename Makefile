@@ -20,12 +20,13 @@ WARNINGS := -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wdouble-promotion -W
 POSIX := -D_POSIX_C_SOURCE=200809L
 INCLUDES := -I. -Iexamples/common -Itests
 CFLAGS ?= -O3
-# Each test compiles the whole library: optimised, or with full debug information, it would take several times as long.
-TEST_FLAGS := -O0 -g1
+# Each test contains the whole library. DGFEM_STATIC spares the compiler what a test does not use; full debug
+# information, and address checks expanded in line, would take several times as long to compile.
+TEST_FLAGS := -O1 -g1 -DDGFEM_STATIC
 SANITIZE := -fsanitize=address,undefined -fno-sanitize-recover=all --param asan-instrumentation-with-call-threshold=0
 BENCH_FLAGS := -O3 -march=native
 
-.PHONY: help headers demo test check-long bench examples pictures format clean build-tests build-long build-bench
+.PHONY: paper paper-quick help headers demo test check-long bench examples pictures format clean build-tests build-long build-bench
 help: ## lists the targets
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
 
@@ -133,6 +134,24 @@ bench: $(BENCHES) ## builds and runs the benchmarks
 	@.ci/need --optional npm
 	@$(MAKE) --no-print-directory build/bunny.obj
 	@for program in $(BENCHES); do echo "-- $$program"; $$program || exit 1; done
+
+# ---- the paper's experiments ----------------------------------------------------------------------------------------
+
+PAPER := $(patsubst examples/paper/%.c,build/paper/%,$(filter-out %/library.c,$(wildcard examples/paper/*.c)))
+
+build/paper/library.o: examples/paper/library.c dgfem.h
+	@mkdir -p $(@D)
+	$(CC) -std=c99 $(POSIX) $(CFLAGS) $(WARNINGS) $(INCLUDES) -c -o $@.$$$$ $< && mv $@.$$$$ $@
+
+build/paper/%: examples/paper/%.c build/paper/library.o $(wildcard examples/paper/*.h) examples/common/program.h
+	$(CC) -std=c99 $(POSIX) $(CFLAGS) $(WARNINGS) $(INCLUDES) -o $@.$$$$ $< build/paper/library.o -lm && mv $@.$$$$ $@
+
+paper: $(PAPER) ## repeats the paper's experiments: examples/paper/RESULTS.md and its plots; takes minutes
+	@command -v gnuplot > /dev/null || .ci/need --optional gnuplot-nox
+	@sh examples/paper/results.sh
+
+paper-quick: $(PAPER) ## the same without the finest meshes, into build/paper/
+	@sh examples/paper/results.sh --quick
 
 # ---- the rest -------------------------------------------------------------------------------------------------------
 

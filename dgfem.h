@@ -49,7 +49,7 @@
 
        dgfem_mesh_create_slices     a closed surface and a grid        -> a mesh of polyhedra
        dgfem_body_create            a mesh and a material              -> a body (which takes the mesh over)
-       dgfem_body_fix_faces, _add_plane, _add_sphere, _add_traction    what holds it, what it touches, what pulls
+       dgfem_body_fix_faces, _add_plane, _add_sphere, _set_traction    what holds it, what it touches, what pulls
        dgfem_skin_create            a body and the surface's vertices  -> a skin
        dgfem_body_step              advances the body, once a frame or several times
        dgfem_skin_update            moves the skin along; dgfem_skin_positions copies it into your vertex buffer
@@ -180,6 +180,7 @@
    parts.c            Components, connected over edges, of a set of oriented faces; voids find the component that
                       encloses them.
    join.c             Directed edges in a plane -> closed loops -> regions, each one outer loop with its holes.
+   split_face.c       Plane split, first half: the splitter, crossing vertices, cutting a face.
    split.c            Plane split of elements of the cell complex; the stand-alone polyhedron is split as a complex of
                       one element.
    slice.c            Closed triangle surface x hexahedral grid -> mesh.
@@ -1008,7 +1009,7 @@ DGFEM_API dgfem_real dgfem_body_mass(const dgfem_body *body);
 DGFEM_API dgfem_real dgfem_body_volume(const dgfem_body *body); /* deformed: sum over elements of integral det F, p = 1 exact */
 
 /* Internal elastic force on every coefficient (what static equilibrium balances), for the current displacement:
-   out[3 * basis_count]. */
+   out[basis_count]. */
 DGFEM_API dgfem_status dgfem_body_internal_force(const dgfem_body *body, dgfem_vec3 *out);
 
 /* ---- embedding and skin -------------------------------------------------------------------------------------- */
@@ -6389,28 +6390,9 @@ static dgfem_status dgfemi_join_regions(dgfemi_joiner *joiner) {
     return DGFEM_OK;
 }
 
-/* ==== split.c ===================================================================================================== */
+/* ==== split_face.c ================================================================================================ */
 
-/* Plane split of elements of the cell complex; the stand-alone polyhedron is split as a complex of one element.
-
-   Logic and geometry are kept apart. Each vertex is below, on or above the plane, decided once, and all else follows
-   from these signs by counting: the parts close whatever round-off does to positions.
-
-   - "On" counts as above, as if the plane lay a hair lower, but the crossing of an edge from below to a vertex on the
-     plane is that vertex itself. What would be a part without thickness goes to the other side: a face in the plane
-     belongs to the side that its element's interior is on.
-   - A crossing vertex is made once per edge, interpolated from the edge's lower index, and found again by hash.
-   - A face with vertices below and above is cut along segments between its crossings. Along the cut line, upward and
-     downward crossings are as many as each other; the k-th of the ones is joined to the k-th of the others:
-
-             d1        u1     d2       u2       counter-clockwise, d = down, u = up:
-          ----+--------+------+--------+----    u1 -> d1, u2 -> d2 close the part below,
-               \ below/        \ below/         the same ones reversed close the part above
-
-   - The edges in the plane that the part below is left with close into loops, which bound the new faces (caps) between
-     below and above. A cap of several loops is split into regions, so that islands stay separate.
-
-   All this appends to the mesh; only the commit at the end, which cannot fail, changes what was there. */
+/* Plane split, first half: the splitter, crossing vertices, cutting a face. split.c tells how all of it works. */
 
 /* A vertex on the cut line of a face, and where along it. */
 typedef struct dgfemi_crossing {
@@ -6668,11 +6650,13 @@ static dgfem_vec3 dgfemi_split_bent_centre(const dgfemi_splitter *s, const int *
     return dgfemi_add_scaled(centre, (s->plane.offset - dgfemi_dot(n, centre)) / dgfemi_dot(n, n), n);
 }
 
-/* A triangle of a bent region must keep this fraction of the area that it would have if all were alike. */
+/* A triangle of a bent region must have this fraction of the area that it would have if all were alike, */
 #define DGFEM_BENT_AREA DGFEM_R(1e-3)
+/* and this cosine to the plane's normal: snapping is to change the plane a little. */
+#define DGFEM_BENT_COSINE DGFEM_R(0.8)
 
 /* A region that snapping has bent becomes triangles around its middle, each in its own plane: exact integrals need
-   planar faces. Refuses holes and regions whose middle does not see all of their boundary. */
+   planar faces. Refuses holes and regions whose middle does not see all of their boundary well. */
 static dgfem_status dgfemi_split_add_bent(dgfemi_splitter *s, const dgfem_face *like, int loops) {
     dgfem_mesh *mesh = s->mesh;
     int count = mesh->loops[mesh->loop_count - 1].count, start = mesh->loops[mesh->loop_count - 1].start, centre, i;
@@ -6687,14 +6671,16 @@ static dgfem_status dgfemi_split_add_bent(dgfemi_splitter *s, const dgfem_face *
     for (i = 0, whole = 0; i < 2 * count; i++) { /* the areas, then the faces */
         int triangle[3];
         dgfem_vec3 p = mesh->vertices[centre], a, b, area;
+        dgfem_real flat;
         triangle[0] = centre, triangle[1] = s->scratch_a.data[i % count], triangle[2] = s->scratch_a.data[(i + 1) % count];
         a = dgfemi_sub(mesh->vertices[triangle[1]], p), b = dgfemi_sub(mesh->vertices[triangle[2]], p);
-        area = dgfemi_cross(a, b);
+        area = dgfemi_cross(a, b), flat = dgfemi_dot(area, s->normal);
         if (i < count) {
-            whole += dgfemi_dot(area, s->normal);
+            whole += flat;
             continue;
         }
-        if (!(dgfemi_dot(area, s->normal) > DGFEM_BENT_AREA * whole / (dgfem_real)count)) return DGFEM_ERROR_DEGENERATE;
+        if (!(flat > DGFEM_BENT_AREA * whole / (dgfem_real)count) || !(flat > DGFEM_BENT_COSINE * dgfemi_norm(area)))
+            return DGFEM_ERROR_DEGENERATE;
         if (dgfemi_mesh_add_loop(mesh, triangle, 3) == DGFEM_NONE ||
             !dgfemi_split_add_face(mesh, like, 1, dgfemi_normalized(area)))
             return DGFEM_ERROR_MEMORY;
@@ -7032,6 +7018,28 @@ static dgfem_status dgfemi_split_cut_face(dgfemi_splitter *s, int f, int simple,
     if (!status && !dgfemi_push(&s->mesh->hooks, &s->cut_faces, f)) status = DGFEM_ERROR_MEMORY;
     return status;
 }
+
+/* ==== split.c ===================================================================================================== */
+
+/* Plane split of elements of the cell complex; the stand-alone polyhedron is split as a complex of one element.
+
+   Logic and geometry are kept apart. Each vertex is below, on or above the plane, decided once, and all else follows
+   from these signs by counting: the parts close whatever round-off does to positions.
+
+   - "On" counts as above, but no part without thickness comes of it: an element is split when it has vertices below and
+     above, and a face or an edge in the plane belongs to the side that the interior next to it is on.
+   - A crossing vertex is made once per edge, interpolated from the edge's lower index, and found again by hash.
+   - A face with vertices below and above is cut along segments between its crossings. Along the cut line, upward and
+     downward crossings are as many as each other; the k-th of the ones is joined to the k-th of the others:
+
+             d1        u1     d2       u2       counter-clockwise, d = down, u = up:
+          ----+--------+------+--------+----    u1 -> d1, u2 -> d2 close the part below,
+               \ below/        \ below/         the same ones reversed close the part above
+
+   - The edges in the plane that the part below is left with close into loops, which bound the new faces (caps) between
+     below and above. A cap of several loops is split into regions, so that islands stay separate.
+
+   All this appends to the mesh; only the commit at the end, which cannot fail, changes what was there. */
 
 /* ---- cutting an element ---- */
 
@@ -8805,7 +8813,8 @@ static int dgfemi_forms_set_element(const dgfem_body *body, dgfem_forms *forms, 
 /* ---- faces ---- */
 
 /* Total area of the element's faces in the plane of `face` with the same outward normal. The penalty is scaled by this
-   patch, not by the face, so that dividing a face changes nothing. */
+   patch, not by the face, so that dividing a face changes nothing. On the boundary, a smooth surface in triangles is one
+   patch too: its faces count by how far they look the same way, or the bound on eta would grow with their number. */
 static dgfem_real dgfemi_patch_area(const dgfem_mesh *mesh, int element, int face) {
     const dgfem_real tolerance = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-6);
     const dgfem_element *e = &mesh->elements[element];
@@ -8815,8 +8824,13 @@ static dgfem_real dgfemi_patch_area(const dgfem_mesh *mesh, int element, int fac
         int other = mesh->element_faces[e->face_start + k];
         const dgfem_face *g = &mesh->faces[other];
         dgfem_real same = sign * (dgfem_real)dgfemi_mesh_sign(mesh, element, other);
+        dgfem_real turn = same * dgfemi_dot(f->normal, g->normal);
+        if (f->element[1] == DGFEM_NONE) {
+            if (g->element[1] == DGFEM_NONE && turn > 0) area += turn * turn * g->area;
+            continue;
+        }
         if (other != face) {
-            if (!(same * dgfemi_dot(f->normal, g->normal) > 1 - tolerance)) continue;
+            if (!(turn > 1 - tolerance)) continue;
             if (dgfemi_abs(dgfemi_dot(f->normal, dgfemi_sub(g->centre, f->centre))) > tolerance * e->radius) continue;
         }
         area += g->area;
@@ -9334,8 +9348,8 @@ static int dgfemi_matrix_values(dgfem_matrix *matrix, const dgfem_matrix_desc *d
         matrix->size += desc->block_sizes[r];
         for (k = matrix->row_start[r]; k < matrix->row_start[r + 1]; k++) {
             matrix->value_start[k] = total;
-            total = dgfemi_add_product(total, (size_t)desc->block_sizes[r],
-                                       (size_t)desc->block_sizes[matrix->column[k]]);
+            total =
+                dgfemi_add_product(total, (size_t)desc->block_sizes[r], (size_t)desc->block_sizes[matrix->column[k]]);
         }
     }
     matrix->offset[matrix->block_count] = matrix->size;
@@ -9853,9 +9867,9 @@ static int dgfemi_minimum_degree(dgfemi_arena *arena, const dgfemi_graph *graph,
 #define DGFEM_DIRECTIONS 13
 
 static dgfem_vec3 dgfemi_direction(int i) {
-    static const signed char table[DGFEM_DIRECTIONS][3] = {
-        {1, 0, 0},  {0, 1, 0},  {0, 0, 1}, {1, 1, 0},  {1, -1, 0}, {1, 0, 1},  {1, 0, -1},
-        {0, 1, 1},  {0, 1, -1}, {1, 1, 1}, {1, 1, -1}, {1, -1, 1}, {1, -1, -1}};
+    static const signed char table[DGFEM_DIRECTIONS][3] = {{1, 0, 0},  {0, 1, 0},  {0, 0, 1},  {1, 1, 0},  {1, -1, 0},
+                                                           {1, 0, 1},  {1, 0, -1}, {0, 1, 1},  {0, 1, -1}, {1, 1, 1},
+                                                           {1, 1, -1}, {1, -1, 1}, {1, -1, -1}};
     return dgfemi_vec3((dgfem_real)table[i][0], (dgfem_real)table[i][1], (dgfem_real)table[i][2]);
 }
 
@@ -9876,13 +9890,14 @@ typedef struct dgfemi_dissection {
     unsigned char *side;           /* [count] a dgfemi_side */
     int *scratch;                  /* [count] */
     /* the network of dgfemi_narrow_separator */
-    int *band, band_count;         /* its vertices */
-    int *level;                    /* [count] distance from the separator; DGFEM_NONE outside the band */
-    unsigned char *touches;        /* [count] bit 0: the part passed, bit 1: the part ahead, both without the band */
-    int *before, *after;           /* [count] neighbours on the path through a vertex, or one of the following */
-    int *stack, *list, *from;      /* [2 * count] states to go on from, all states reached, what each was reached from */
-    unsigned char *reached;        /* [2 * count] */
-    unsigned char *old_side;       /* [count] */
+    int *band, band_count;   /* its vertices */
+    int *level;              /* [count] distance from the separator; DGFEM_NONE outside the band */
+    unsigned char *touches;  /* [count] bit 0: the part passed, bit 1: the part ahead, both without the band */
+    int *before, *after;     /* [count] neighbours on the path through a vertex, or one of the following */
+    int *stack, *list;       /* [2 * count] states to go on from, all states that a search has reached */
+    int *from;               /* [2 * count] the state that each was reached from */
+    unsigned char *reached;  /* [2 * count] */
+    unsigned char *old_side; /* [count] */
 } dgfemi_dissection;
 
 /* A sweep along a direction that stops after `passed` vertices. The separator is the layer of vertices with a neighbour
@@ -10063,9 +10078,9 @@ static void dgfemi_reach(dgfemi_dissection *d, int state, int from, int *stacked
     d->stack[(*stacked)++] = d->list[(*listed)++] = state;
 }
 
-/* A depth-first search for a path from a vertex that touches the part passed; it may push other paths aside. Returns the
-   exit that it leaves the band by, or DGFEM_NONE. What a vain search has reached stays marked: no later search can find
-   a way out from there either. */
+/* A depth-first search for a path from a vertex that touches the part passed; it may push other paths aside. Returns
+   the exit that it leaves the band by, or DGFEM_NONE. What a vain search has reached stays marked: no later search can
+   find a way out from there either. */
 static int dgfemi_find_path(dgfemi_dissection *d, int source) {
     const dgfemi_graph *graph = d->graph;
     int stacked = 0, listed = 0, end = DGFEM_NONE, k;
@@ -10081,8 +10096,7 @@ static int dgfemi_find_path(dgfemi_dissection *d, int source) {
         if (taken) dgfemi_reach(d, state - 1, state, &stacked, &listed);
         for (k = graph->start[v]; k < graph->start[v + 1]; k++) {
             int u = graph->neighbour[k];
-            if (d->part[u] == d->part[v] && d->level[u] != DGFEM_NONE)
-                dgfemi_reach(d, 2 * u, state, &stacked, &listed);
+            if (d->part[u] == d->part[v] && d->level[u] != DGFEM_NONE) dgfemi_reach(d, 2 * u, state, &stacked, &listed);
         }
     }
     if (end != DGFEM_NONE)
@@ -10094,8 +10108,7 @@ static int dgfemi_find_path(dgfemi_dissection *d, int source) {
 static void dgfemi_take_path(dgfemi_dissection *d, int last) {
     int state, previous;
     for (state = last; (previous = d->from[state]) != DGFEM_NONE; state = previous)
-        if (previous % 2 == 0 && state / 2 != previous / 2)
-            d->after[state / 2] = d->before[previous / 2] = DGFEM_NONE;
+        if (previous % 2 == 0 && state / 2 != previous / 2) d->after[state / 2] = d->before[previous / 2] = DGFEM_NONE;
     for (state = last; (previous = d->from[state]) != DGFEM_NONE; state = previous)
         if (previous % 2 == 1 && state / 2 != previous / 2) {
             d->after[previous / 2] = state / 2;
@@ -10358,10 +10371,10 @@ static int dgfemi_order_blocks(dgfemi_arena *arena, const dgfemi_graph *graph, c
 /* Dense kernels of the sparse Cholesky factorization. A panel is what one supernode has of L: a lower triangle D over a
    rectangle B, of the same columns.
 
-   A panel of L is stored in strips of DGFEM_STRIP rows, first those of D, then those of B, each padded with rows of
-   zeros to whole strips. A strip holds one column after the other: element (r, k) is strip[k * DGFEM_STRIP + r]. So the
-   operands of every product come in the order in which the innermost kernel reads them. D's diagonal holds the
-   reciprocals of L's. */
+   It is stored in strips of DGFEM_STRIP rows, first those of D, then those of B, each padded with rows of zeros to whole
+   strips. A strip holds one column after the other: element (r, k) is strip[k * DGFEM_STRIP + r]. So the operands of
+   every product come in the order in which the innermost kernel reads them. D's diagonal holds the reciprocals of
+   L's. */
 
 #ifndef DGFEM_STRIP
 #if DGFEM_REAL_IS_FLOAT || defined(__AVX__)
@@ -10372,10 +10385,12 @@ static int dgfemi_order_blocks(dgfemi_arena *arena, const dgfemi_graph *graph, c
 #endif
 
 enum {
-    DGFEM_TILE = 4,             /* columns of a tile, which has the rows of a strip; divides DGFEM_STRIP */
-    DGFEM_PANEL_COLUMNS = 256,  /* columns that are factored before they update the rest; whole strips */
-    DGFEM_UPDATE_COLUMNS = 128  /* columns that are updated together: their strips stay in cache; whole strips */
+    DGFEM_TILE = 4,            /* columns of a tile, which has the rows of a strip; divides DGFEM_STRIP */
+    DGFEM_PANEL_COLUMNS = 256, /* columns that are factored before they update the rest; whole strips */
+    DGFEM_UPDATE_COLUMNS = 128 /* columns that are updated together: their strips stay in cache; whole strips */
 };
+
+/* ---- tiles ---- */
 
 static int dgfemi_strips(int rows) { return rows / DGFEM_STRIP + (rows % DGFEM_STRIP != 0); }
 
@@ -10448,7 +10463,8 @@ static void dgfemi_tile_solve(dgfem_real *x, int columns, const dgfem_real *t) {
     }
 }
 
-/* One panel and the places in it. */
+/* ---- panels ---- */
+
 typedef struct dgfemi_panel {
     dgfem_real *values;
     int width, height;
@@ -10474,6 +10490,8 @@ static int dgfemi_strip_end(const dgfemi_panel *p, int strip, int limit) {
 
 static int dgfemi_tile_columns(int column, int end) { return end - column < DGFEM_TILE ? end - column : DGFEM_TILE; }
 
+/* ---- factorization ---- */
+
 /* Columns from <= k < to of one strip of L, those before `from` being done with. The rows of D that they meet are
    finished. Returns the column whose pivot fails, or DGFEM_NONE. */
 static int dgfemi_factor_strip(const dgfemi_panel *p, int strip, int from, int to, const dgfem_real *diagonal) {
@@ -10486,8 +10504,7 @@ static int dgfemi_factor_strip(const dgfemi_panel *p, int strip, int from, int t
         if (strip == j / DGFEM_STRIP) {
             int failed = dgfemi_tile_cholesky(x, columns, j % DGFEM_STRIP, diagonal + j);
             if (failed != DGFEM_NONE) return j + failed;
-        } else
-            dgfemi_tile_solve(x, columns, dgfemi_pivot_row(p, j, j));
+        } else dgfemi_tile_solve(x, columns, dgfemi_pivot_row(p, j, j));
     }
     return DGFEM_NONE;
 }
@@ -10560,7 +10577,8 @@ static void dgfemi_make_update(const dgfemi_panel *p, dgfem_real *u) {
     }
 }
 
-/* Strips of D and B from a column-major array of width + height rows; what lies above D's last strip is left alone. */
+/* Fills the strips from a column-major array of width + height rows; what lies above D's diagonal strips is never
+   used. */
 static void dgfemi_pack_panel(const dgfemi_panel *p, const dgfem_real *columns) {
     int pivot_strips = dgfemi_strips(p->width), strips = dgfemi_panel_strips(p), strip, k, r;
     size_t stride = (size_t)p->width + (size_t)p->height;
@@ -10578,6 +10596,8 @@ static void dgfemi_pack_panel(const dgfemi_panel *p, const dgfem_real *columns) 
         }
     }
 }
+
+/* ---- solves ---- */
 
 /* y += x */
 static void dgfemi_add_vector(dgfem_real *y, const dgfem_real *x, int count) {
@@ -10702,11 +10722,11 @@ typedef struct dgfemi_entry {
 struct dgfem_cholesky {
     dgfem_hooks hooks;
     int block_count, size;
-    uint64_t pattern;    /* hash of the pattern analysed */
-    int factored;        /* 1: values hold a factorization */
-    int *order;          /* [block_count] the block at each position */
-    int *offset;         /* [block_count + 1] first unknown of each position, in the order of elimination */
-    int *source;         /* [block_count] first unknown of each position, in the order of the matrix */
+    uint64_t pattern; /* hash of the pattern analysed */
+    int factored;     /* 1: values hold a factorization */
+    int *order;       /* [block_count] the block at each position */
+    int *offset;      /* [block_count + 1] first unknown of each position, in the order of elimination */
+    int *source;      /* [block_count] first unknown of each position, in the order of the matrix */
     int supernode_count;
     dgfemi_supernode *supernodes; /* children before parents */
     int *rows;                    /* positions */
@@ -10725,11 +10745,11 @@ struct dgfem_cholesky {
 
 /* A fundamental supernode (columns with the same rows below) before merging; the others follow it in a chain. */
 typedef struct dgfemi_node {
-    int first, end;              /* positions first <= k < end */
-    int width, height, blocks;   /* unknowns; unknowns and blocks below */
-    double zeros;                /* numbers in its columns that are zero in L */
-    int child, sibling;          /* first child, next child of the parent; or DGFEM_NONE */
-    int segment, last_segment;   /* chain of the nodes that it consists of, in the order of their columns */
+    int first, end;            /* positions first <= k < end */
+    int width, height, blocks; /* unknowns; unknowns and blocks below */
+    double zeros;              /* numbers in its columns that are zero in L */
+    int child, sibling;        /* first child, next child of the parent; or DGFEM_NONE */
+    int segment, last_segment; /* chain of the nodes that it consists of, in the order of their columns */
     int next_segment;
 } dgfemi_node;
 
@@ -10910,8 +10930,8 @@ static int dgfemi_make_supernodes(dgfem_cholesky *c, dgfemi_analysis *a) {
     int column = 0, s;
     double rows = 0;
     c->supernode_count = dgfemi_postorder(a->node_count, a->parent, a->scratch[0], a->scratch[1], a->list);
-    c->supernodes = (dgfemi_supernode *)dgfemi_allocate_zero(&c->hooks, (size_t)c->supernode_count,
-                                                             sizeof *c->supernodes);
+    c->supernodes =
+        (dgfemi_supernode *)dgfemi_allocate_zero(&c->hooks, (size_t)c->supernode_count, sizeof *c->supernodes);
     if (!c->supernodes) return 0;
     for (s = 0; s < c->supernode_count; s++) supernode_of_node[a->list[s]] = s;
     dgfemi_place_blocks(c, a);
@@ -11026,8 +11046,8 @@ static int dgfemi_make_fronts(dgfem_cholesky *c, const dgfemi_analysis *a, const
     int *front_row = a->scratch[0], rows = 0, runs = 0, entries = 0, s, t;
     if (c->supernode_count > 0) rows = c->supernodes[c->supernode_count - 1].row_end;
     c->runs = (dgfemi_run *)dgfemi_allocate(&c->hooks, (size_t)rows, sizeof *c->runs);
-    c->entries = (dgfemi_entry *)dgfemi_allocate(&c->hooks, (size_t)matrix->row_start[matrix->block_count],
-                                                 sizeof *c->entries);
+    c->entries =
+        (dgfemi_entry *)dgfemi_allocate(&c->hooks, (size_t)matrix->row_start[matrix->block_count], sizeof *c->entries);
     if (!c->runs || !c->entries) return 0;
     for (s = 0; s < c->supernode_count; s++) {
         dgfemi_supernode *super = c->supernodes + s;
@@ -11104,8 +11124,7 @@ static uint64_t dgfemi_pattern_hash(const dgfem_matrix *matrix) {
 }
 
 /* 0 when out of memory. */
-static int dgfemi_analyse(dgfem_cholesky *c, const dgfem_matrix *matrix, dgfem_ordering ordering,
-                          dgfemi_arena *arena) {
+static int dgfemi_analyse(dgfem_cholesky *c, const dgfem_matrix *matrix, dgfem_ordering ordering, dgfemi_arena *arena) {
     dgfemi_analysis analysis, *a = &analysis;
     if (!dgfemi_graph_make(arena, matrix, &a->graph) || !dgfemi_analysis_allocate(a, arena)) return 0;
     if (!dgfemi_order_blocks(arena, &a->graph, matrix->centres, ordering, a->order)) return 0;
@@ -11262,8 +11281,7 @@ static int dgfemi_factor(dgfem_cholesky *c, const dgfem_matrix *matrix) {
     return DGFEM_NONE;
 }
 
-DGFEM_API dgfem_status dgfem_cholesky_factor(dgfem_cholesky *c, const dgfem_matrix *matrix,
-                                             dgfem_cholesky_info *info) {
+DGFEM_API dgfem_status dgfem_cholesky_factor(dgfem_cholesky *c, const dgfem_matrix *matrix, dgfem_cholesky_info *info) {
     int failed;
     if (info) {
         memset(info, 0, sizeof *info);

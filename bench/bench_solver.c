@@ -1,9 +1,9 @@
-/* The sparse solver on grids of hexahedra, 12 unknowns each, coupled as interior penalty couples them: time of analysis,
-   factorization, solve and product.
+/* The sparse solver on grids of hexahedra, 12 unknowns each, coupled as interior penalty couples them: time of
+   analysis, factorization, solve and product.
 
    Beside CHOLMOD, where it is installed (libsuitesparse-dev, libopenblas-dev), in the same run and on one thread:
-       gcc -std=c99 -D_POSIX_C_SOURCE=200809L -O3 -march=native -DHAVE_CHOLMOD -I. -o bench_solver bench/bench_solver.c \
-           -lcholmod -lopenblas -lm
+       gcc -std=c99 -D_POSIX_C_SOURCE=200809L -O3 -march=native -DHAVE_CHOLMOD -I. -o bench_solver \
+           bench/bench_solver.c -lcholmod -lopenblas -lm
        OMP_THREAD_LIMIT=1 OPENBLAS_NUM_THREADS=1 ./bench_solver */
 #define DGFEM_IMPLEMENTATION
 #include "dgfem.h"

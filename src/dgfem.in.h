@@ -49,7 +49,7 @@
 
        dgfem_mesh_create_slices     a closed surface and a grid        -> a mesh of polyhedra
        dgfem_body_create            a mesh and a material              -> a body (which takes the mesh over)
-       dgfem_body_fix_faces, _add_plane, _add_sphere, _add_traction    what holds it, what it touches, what pulls
+       dgfem_body_fix_faces, _add_plane, _add_sphere, _set_traction    what holds it, what it touches, what pulls
        dgfem_skin_create            a body and the surface's vertices  -> a skin
        dgfem_body_step              advances the body, once a frame or several times
        dgfem_skin_update            moves the skin along; dgfem_skin_positions copies it into your vertex buffer
@@ -181,6 +181,7 @@
 #include "dgfem/mesh_merge.c"
 #include "dgfem/parts.c"
 #include "dgfem/join.c"
+#include "dgfem/split_face.c"
 #include "dgfem/split.c"
 #include "dgfem/slice.c"
 #include "dgfem/basis.c"

@@ -18,8 +18,8 @@ static dgfem_cholesky *analyse(const dgfem_matrix *matrix, dgfem_ordering orderi
 
 /* ---- solutions ---- */
 
-/* Bound for residuals: rounding errors grow like the square root of the length of the sums, which is at most that of the
-   longest column of L. */
+/* Bound for residuals: rounding errors grow like the square root of the length of the sums, which is at most that of
+   the longest column of L. */
 static double round_off(const dgfem_cholesky *cholesky) {
     int longest = 1, s;
     for (s = 0; s < cholesky->supernode_count; s++) {

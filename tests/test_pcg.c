@@ -133,7 +133,8 @@ static void zero_right_hand_side_gives_zero_at_once(void **state) {
     system_free(&s);
 }
 
-/* With too few iterations x is the best iterate so far: its residual is that reported and never grows with the limit. */
+/* With too few iterations x is the best iterate so far: its residual is that reported, and never grows with the
+   limit. */
 static void too_few_iterations_leave_the_best_iterate(void **state) {
     check_random random = check_random_seeded(4);
     system_under_test s = system_make(check_blocks_grid(5, 5, 5, 3), &random, 1.001);

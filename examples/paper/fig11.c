@@ -83,7 +83,7 @@ static void global_monomials(dgfem_vec3 c, double h, int degree, double *t) {
 static double *global_matrix(const dgfem_body *body) {
     const dgfem_matrix *m = body->matrix;
     int size = m->size, elements = body->mesh->element_count, nb = size / (3 * elements);
-    double *k = matrix_dense(m), *tk = need_reals((size_t)size * (size_t)size), t[DGFEM_MAX_BASIS * DGFEM_MAX_BASIS];
+    double *k = matrix_dense(m), *tk = need_reals((size_t)size * (size_t)size), t[20 * 20];
     for (int pass = 0; pass < 2; pass++) { /* tk = T k, transposed: after two passes T K T^T */
         for (int e = 0; e < elements; e++) {
             global_monomials(body->origin[e], body->scale[e], body->degree[e], t);

@@ -11,7 +11,6 @@
 #define PAPER_H
 
 #define DGFEM_REAL double
-#define DGFEM_IMPLEMENTATION
 #include "dgfem.h"
 
 #include <stdarg.h>

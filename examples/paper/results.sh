@@ -55,8 +55,8 @@ split_page() {
 
 section() {
     printf '\n## %s\n\n' "$(heading "$1")"
-    sed -n '1,/\*\/$/p' "$here/$1.c" | sed 's/^\/\* //; s/ *\*\/$//' > "$work/about.txt"
-    printf '```text\n%s\n```\n' "$(cat "$work/about.txt")"
+    sed -n '1,/\*\/$/p' "$here/$1.c" | sed 's/^\/\* //; s/ *\*\/$//; s/^   //' > "$work/about.txt"
+    printf '```text\n%s\n```\n\n' "$(cat "$work/about.txt")"
     split_page rows "$work/$1.md"
     if [ -e "$pictures/paper_$1.png" ]; then printf '\n![%s](%s)\n' "$(heading "$1")" "$(picture_path "$1")"; fi
     split_page all "$work/$1.md" > "$work/all.txt"
@@ -82,5 +82,5 @@ plots give no numbers); *published* is a value from the literature, named in the
 independent calculation made before this library. CG are continuous, BZ and IP the paper's two discontinuous methods.
 END
     for program in $programs; do section "$program"; done
-} > "$page.$$" && mv "$page.$$" "$page"
+} | cat -s > "$page.$$" && mv "$page.$$" "$page"
 echo "written: $page"

@@ -791,7 +791,7 @@ DGFEM_API dgfem_real dgfem_body_mass(const dgfem_body *body);
 DGFEM_API dgfem_real dgfem_body_volume(const dgfem_body *body); /* deformed: sum over elements of integral det F, p = 1 exact */
 
 /* Internal elastic force on every coefficient (what static equilibrium balances), for the current displacement:
-   out[3 * basis_count]. */
+   out[basis_count]. */
 DGFEM_API dgfem_status dgfem_body_internal_force(const dgfem_body *body, dgfem_vec3 *out);
 
 /* ---- embedding and skin -------------------------------------------------------------------------------------- */

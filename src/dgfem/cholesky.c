@@ -42,11 +42,11 @@ typedef struct dgfemi_entry {
 struct dgfem_cholesky {
     dgfem_hooks hooks;
     int block_count, size;
-    uint64_t pattern;    /* hash of the pattern analysed */
-    int factored;        /* 1: values hold a factorization */
-    int *order;          /* [block_count] the block at each position */
-    int *offset;         /* [block_count + 1] first unknown of each position, in the order of elimination */
-    int *source;         /* [block_count] first unknown of each position, in the order of the matrix */
+    uint64_t pattern; /* hash of the pattern analysed */
+    int factored;     /* 1: values hold a factorization */
+    int *order;       /* [block_count] the block at each position */
+    int *offset;      /* [block_count + 1] first unknown of each position, in the order of elimination */
+    int *source;      /* [block_count] first unknown of each position, in the order of the matrix */
     int supernode_count;
     dgfemi_supernode *supernodes; /* children before parents */
     int *rows;                    /* positions */
@@ -65,11 +65,11 @@ struct dgfem_cholesky {
 
 /* A fundamental supernode (columns with the same rows below) before merging; the others follow it in a chain. */
 typedef struct dgfemi_node {
-    int first, end;              /* positions first <= k < end */
-    int width, height, blocks;   /* unknowns; unknowns and blocks below */
-    double zeros;                /* numbers in its columns that are zero in L */
-    int child, sibling;          /* first child, next child of the parent; or DGFEM_NONE */
-    int segment, last_segment;   /* chain of the nodes that it consists of, in the order of their columns */
+    int first, end;            /* positions first <= k < end */
+    int width, height, blocks; /* unknowns; unknowns and blocks below */
+    double zeros;              /* numbers in its columns that are zero in L */
+    int child, sibling;        /* first child, next child of the parent; or DGFEM_NONE */
+    int segment, last_segment; /* chain of the nodes that it consists of, in the order of their columns */
     int next_segment;
 } dgfemi_node;
 
@@ -250,8 +250,8 @@ static int dgfemi_make_supernodes(dgfem_cholesky *c, dgfemi_analysis *a) {
     int column = 0, s;
     double rows = 0;
     c->supernode_count = dgfemi_postorder(a->node_count, a->parent, a->scratch[0], a->scratch[1], a->list);
-    c->supernodes = (dgfemi_supernode *)dgfemi_allocate_zero(&c->hooks, (size_t)c->supernode_count,
-                                                             sizeof *c->supernodes);
+    c->supernodes =
+        (dgfemi_supernode *)dgfemi_allocate_zero(&c->hooks, (size_t)c->supernode_count, sizeof *c->supernodes);
     if (!c->supernodes) return 0;
     for (s = 0; s < c->supernode_count; s++) supernode_of_node[a->list[s]] = s;
     dgfemi_place_blocks(c, a);
@@ -366,8 +366,8 @@ static int dgfemi_make_fronts(dgfem_cholesky *c, const dgfemi_analysis *a, const
     int *front_row = a->scratch[0], rows = 0, runs = 0, entries = 0, s, t;
     if (c->supernode_count > 0) rows = c->supernodes[c->supernode_count - 1].row_end;
     c->runs = (dgfemi_run *)dgfemi_allocate(&c->hooks, (size_t)rows, sizeof *c->runs);
-    c->entries = (dgfemi_entry *)dgfemi_allocate(&c->hooks, (size_t)matrix->row_start[matrix->block_count],
-                                                 sizeof *c->entries);
+    c->entries =
+        (dgfemi_entry *)dgfemi_allocate(&c->hooks, (size_t)matrix->row_start[matrix->block_count], sizeof *c->entries);
     if (!c->runs || !c->entries) return 0;
     for (s = 0; s < c->supernode_count; s++) {
         dgfemi_supernode *super = c->supernodes + s;
@@ -444,8 +444,7 @@ static uint64_t dgfemi_pattern_hash(const dgfem_matrix *matrix) {
 }
 
 /* 0 when out of memory. */
-static int dgfemi_analyse(dgfem_cholesky *c, const dgfem_matrix *matrix, dgfem_ordering ordering,
-                          dgfemi_arena *arena) {
+static int dgfemi_analyse(dgfem_cholesky *c, const dgfem_matrix *matrix, dgfem_ordering ordering, dgfemi_arena *arena) {
     dgfemi_analysis analysis, *a = &analysis;
     if (!dgfemi_graph_make(arena, matrix, &a->graph) || !dgfemi_analysis_allocate(a, arena)) return 0;
     if (!dgfemi_order_blocks(arena, &a->graph, matrix->centres, ordering, a->order)) return 0;
@@ -602,8 +601,7 @@ static int dgfemi_factor(dgfem_cholesky *c, const dgfem_matrix *matrix) {
     return DGFEM_NONE;
 }
 
-DGFEM_API dgfem_status dgfem_cholesky_factor(dgfem_cholesky *c, const dgfem_matrix *matrix,
-                                             dgfem_cholesky_info *info) {
+DGFEM_API dgfem_status dgfem_cholesky_factor(dgfem_cholesky *c, const dgfem_matrix *matrix, dgfem_cholesky_info *info) {
     int failed;
     if (info) {
         memset(info, 0, sizeof *info);

@@ -223,7 +223,8 @@ static int dgfemi_forms_set_element(const dgfem_body *body, dgfem_forms *forms, 
 /* ---- faces ---- */
 
 /* Total area of the element's faces in the plane of `face` with the same outward normal. The penalty is scaled by this
-   patch, not by the face, so that dividing a face changes nothing. */
+   patch, not by the face, so that dividing a face changes nothing. On the boundary, a smooth surface in triangles is one
+   patch too: its faces count by how far they look the same way, or the bound on eta would grow with their number. */
 static dgfem_real dgfemi_patch_area(const dgfem_mesh *mesh, int element, int face) {
     const dgfem_real tolerance = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-6);
     const dgfem_element *e = &mesh->elements[element];
@@ -233,8 +234,13 @@ static dgfem_real dgfemi_patch_area(const dgfem_mesh *mesh, int element, int fac
         int other = mesh->element_faces[e->face_start + k];
         const dgfem_face *g = &mesh->faces[other];
         dgfem_real same = sign * (dgfem_real)dgfemi_mesh_sign(mesh, element, other);
+        dgfem_real turn = same * dgfemi_dot(f->normal, g->normal);
+        if (f->element[1] == DGFEM_NONE) {
+            if (g->element[1] == DGFEM_NONE && turn > 0) area += turn * turn * g->area;
+            continue;
+        }
         if (other != face) {
-            if (!(same * dgfemi_dot(f->normal, g->normal) > 1 - tolerance)) continue;
+            if (!(turn > 1 - tolerance)) continue;
             if (dgfemi_abs(dgfemi_dot(f->normal, dgfemi_sub(g->centre, f->centre))) > tolerance * e->radius) continue;
         }
         area += g->area;

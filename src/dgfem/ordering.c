@@ -361,9 +361,9 @@ static int dgfemi_minimum_degree(dgfemi_arena *arena, const dgfemi_graph *graph,
 #define DGFEM_DIRECTIONS 13
 
 static dgfem_vec3 dgfemi_direction(int i) {
-    static const signed char table[DGFEM_DIRECTIONS][3] = {
-        {1, 0, 0},  {0, 1, 0},  {0, 0, 1}, {1, 1, 0},  {1, -1, 0}, {1, 0, 1},  {1, 0, -1},
-        {0, 1, 1},  {0, 1, -1}, {1, 1, 1}, {1, 1, -1}, {1, -1, 1}, {1, -1, -1}};
+    static const signed char table[DGFEM_DIRECTIONS][3] = {{1, 0, 0},  {0, 1, 0},  {0, 0, 1},  {1, 1, 0},  {1, -1, 0},
+                                                           {1, 0, 1},  {1, 0, -1}, {0, 1, 1},  {0, 1, -1}, {1, 1, 1},
+                                                           {1, 1, -1}, {1, -1, 1}, {1, -1, -1}};
     return dgfemi_vec3((dgfem_real)table[i][0], (dgfem_real)table[i][1], (dgfem_real)table[i][2]);
 }
 
@@ -384,13 +384,14 @@ typedef struct dgfemi_dissection {
     unsigned char *side;           /* [count] a dgfemi_side */
     int *scratch;                  /* [count] */
     /* the network of dgfemi_narrow_separator */
-    int *band, band_count;         /* its vertices */
-    int *level;                    /* [count] distance from the separator; DGFEM_NONE outside the band */
-    unsigned char *touches;        /* [count] bit 0: the part passed, bit 1: the part ahead, both without the band */
-    int *before, *after;           /* [count] neighbours on the path through a vertex, or one of the following */
-    int *stack, *list, *from;      /* [2 * count] states to go on from, all states reached, what each was reached from */
-    unsigned char *reached;        /* [2 * count] */
-    unsigned char *old_side;       /* [count] */
+    int *band, band_count;   /* its vertices */
+    int *level;              /* [count] distance from the separator; DGFEM_NONE outside the band */
+    unsigned char *touches;  /* [count] bit 0: the part passed, bit 1: the part ahead, both without the band */
+    int *before, *after;     /* [count] neighbours on the path through a vertex, or one of the following */
+    int *stack, *list;       /* [2 * count] states to go on from, all states that a search has reached */
+    int *from;               /* [2 * count] the state that each was reached from */
+    unsigned char *reached;  /* [2 * count] */
+    unsigned char *old_side; /* [count] */
 } dgfemi_dissection;
 
 /* A sweep along a direction that stops after `passed` vertices. The separator is the layer of vertices with a neighbour
@@ -571,9 +572,9 @@ static void dgfemi_reach(dgfemi_dissection *d, int state, int from, int *stacked
     d->stack[(*stacked)++] = d->list[(*listed)++] = state;
 }
 
-/* A depth-first search for a path from a vertex that touches the part passed; it may push other paths aside. Returns the
-   exit that it leaves the band by, or DGFEM_NONE. What a vain search has reached stays marked: no later search can find
-   a way out from there either. */
+/* A depth-first search for a path from a vertex that touches the part passed; it may push other paths aside. Returns
+   the exit that it leaves the band by, or DGFEM_NONE. What a vain search has reached stays marked: no later search can
+   find a way out from there either. */
 static int dgfemi_find_path(dgfemi_dissection *d, int source) {
     const dgfemi_graph *graph = d->graph;
     int stacked = 0, listed = 0, end = DGFEM_NONE, k;
@@ -589,8 +590,7 @@ static int dgfemi_find_path(dgfemi_dissection *d, int source) {
         if (taken) dgfemi_reach(d, state - 1, state, &stacked, &listed);
         for (k = graph->start[v]; k < graph->start[v + 1]; k++) {
             int u = graph->neighbour[k];
-            if (d->part[u] == d->part[v] && d->level[u] != DGFEM_NONE)
-                dgfemi_reach(d, 2 * u, state, &stacked, &listed);
+            if (d->part[u] == d->part[v] && d->level[u] != DGFEM_NONE) dgfemi_reach(d, 2 * u, state, &stacked, &listed);
         }
     }
     if (end != DGFEM_NONE)
@@ -602,8 +602,7 @@ static int dgfemi_find_path(dgfemi_dissection *d, int source) {
 static void dgfemi_take_path(dgfemi_dissection *d, int last) {
     int state, previous;
     for (state = last; (previous = d->from[state]) != DGFEM_NONE; state = previous)
-        if (previous % 2 == 0 && state / 2 != previous / 2)
-            d->after[state / 2] = d->before[previous / 2] = DGFEM_NONE;
+        if (previous % 2 == 0 && state / 2 != previous / 2) d->after[state / 2] = d->before[previous / 2] = DGFEM_NONE;
     for (state = last; (previous = d->from[state]) != DGFEM_NONE; state = previous)
         if (previous % 2 == 1 && state / 2 != previous / 2) {
             d->after[previous / 2] = state / 2;

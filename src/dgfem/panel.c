@@ -3,10 +3,10 @@
 /* Dense kernels of the sparse Cholesky factorization. A panel is what one supernode has of L: a lower triangle D over a
    rectangle B, of the same columns.
 
-   A panel of L is stored in strips of DGFEM_STRIP rows, first those of D, then those of B, each padded with rows of
-   zeros to whole strips. A strip holds one column after the other: element (r, k) is strip[k * DGFEM_STRIP + r]. So the
-   operands of every product come in the order in which the innermost kernel reads them. D's diagonal holds the
-   reciprocals of L's. */
+   It is stored in strips of DGFEM_STRIP rows, first those of D, then those of B, each padded with rows of zeros to whole
+   strips. A strip holds one column after the other: element (r, k) is strip[k * DGFEM_STRIP + r]. So the operands of
+   every product come in the order in which the innermost kernel reads them. D's diagonal holds the reciprocals of
+   L's. */
 
 #ifndef DGFEM_STRIP
 #if DGFEM_REAL_IS_FLOAT || defined(__AVX__)
@@ -17,10 +17,12 @@
 #endif
 
 enum {
-    DGFEM_TILE = 4,             /* columns of a tile, which has the rows of a strip; divides DGFEM_STRIP */
-    DGFEM_PANEL_COLUMNS = 256,  /* columns that are factored before they update the rest; whole strips */
-    DGFEM_UPDATE_COLUMNS = 128  /* columns that are updated together: their strips stay in cache; whole strips */
+    DGFEM_TILE = 4,            /* columns of a tile, which has the rows of a strip; divides DGFEM_STRIP */
+    DGFEM_PANEL_COLUMNS = 256, /* columns that are factored before they update the rest; whole strips */
+    DGFEM_UPDATE_COLUMNS = 128 /* columns that are updated together: their strips stay in cache; whole strips */
 };
+
+/* ---- tiles ---- */
 
 static int dgfemi_strips(int rows) { return rows / DGFEM_STRIP + (rows % DGFEM_STRIP != 0); }
 
@@ -93,7 +95,8 @@ static void dgfemi_tile_solve(dgfem_real *x, int columns, const dgfem_real *t) {
     }
 }
 
-/* One panel and the places in it. */
+/* ---- panels ---- */
+
 typedef struct dgfemi_panel {
     dgfem_real *values;
     int width, height;
@@ -119,6 +122,8 @@ static int dgfemi_strip_end(const dgfemi_panel *p, int strip, int limit) {
 
 static int dgfemi_tile_columns(int column, int end) { return end - column < DGFEM_TILE ? end - column : DGFEM_TILE; }
 
+/* ---- factorization ---- */
+
 /* Columns from <= k < to of one strip of L, those before `from` being done with. The rows of D that they meet are
    finished. Returns the column whose pivot fails, or DGFEM_NONE. */
 static int dgfemi_factor_strip(const dgfemi_panel *p, int strip, int from, int to, const dgfem_real *diagonal) {
@@ -131,8 +136,7 @@ static int dgfemi_factor_strip(const dgfemi_panel *p, int strip, int from, int t
         if (strip == j / DGFEM_STRIP) {
             int failed = dgfemi_tile_cholesky(x, columns, j % DGFEM_STRIP, diagonal + j);
             if (failed != DGFEM_NONE) return j + failed;
-        } else
-            dgfemi_tile_solve(x, columns, dgfemi_pivot_row(p, j, j));
+        } else dgfemi_tile_solve(x, columns, dgfemi_pivot_row(p, j, j));
     }
     return DGFEM_NONE;
 }
@@ -205,7 +209,8 @@ static void dgfemi_make_update(const dgfemi_panel *p, dgfem_real *u) {
     }
 }
 
-/* Strips of D and B from a column-major array of width + height rows; what lies above D's last strip is left alone. */
+/* Fills the strips from a column-major array of width + height rows; what lies above D's diagonal strips is never
+   used. */
 static void dgfemi_pack_panel(const dgfemi_panel *p, const dgfem_real *columns) {
     int pivot_strips = dgfemi_strips(p->width), strips = dgfemi_panel_strips(p), strip, k, r;
     size_t stride = (size_t)p->width + (size_t)p->height;
@@ -223,6 +228,8 @@ static void dgfemi_pack_panel(const dgfemi_panel *p, const dgfem_real *columns) 
         }
     }
 }
+
+/* ---- solves ---- */
 
 /* y += x */
 static void dgfemi_add_vector(dgfem_real *y, const dgfem_real *x, int count) {

@@ -138,8 +138,8 @@ static int dgfemi_matrix_values(dgfem_matrix *matrix, const dgfem_matrix_desc *d
         matrix->size += desc->block_sizes[r];
         for (k = matrix->row_start[r]; k < matrix->row_start[r + 1]; k++) {
             matrix->value_start[k] = total;
-            total = dgfemi_add_product(total, (size_t)desc->block_sizes[r],
-                                       (size_t)desc->block_sizes[matrix->column[k]]);
+            total =
+                dgfemi_add_product(total, (size_t)desc->block_sizes[r], (size_t)desc->block_sizes[matrix->column[k]]);
         }
     }
     matrix->offset[matrix->block_count] = matrix->size;
