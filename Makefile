@@ -20,9 +20,8 @@ WARNINGS := -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wdouble-promotion -W
 POSIX := -D_POSIX_C_SOURCE=200809L
 INCLUDES := -I. -Iexamples/common -Itests
 CFLAGS ?= -O3
-# Each test contains the whole library. DGFEM_STATIC spares the compiler what a test does not use; full debug
-# information, and address checks expanded in line, would take several times as long to compile.
-TEST_FLAGS := -O1 -g1 -DDGFEM_STATIC
+# Each test compiles the whole library: optimised, or with full debug information, it would take several times as long.
+TEST_FLAGS := -O0 -g1
 SANITIZE := -fsanitize=address,undefined -fno-sanitize-recover=all --param asan-instrumentation-with-call-threshold=0
 BENCH_FLAGS := -O3 -march=native
 
