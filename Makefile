@@ -20,12 +20,13 @@ WARNINGS := -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wdouble-promotion -W
 POSIX := -D_POSIX_C_SOURCE=200809L
 INCLUDES := -I. -Iexamples/common -Itests
 CFLAGS ?= -O3
-# Each test compiles the whole library: optimised, or with full debug information, it would take several times as long.
-TEST_FLAGS := -O0 -g1
+# Optimised more, or with full debug information, the library would take several times as long to compile; without
+# optimization gcc would keep all static functions.
+TEST_FLAGS := -Og -g1
 SANITIZE := -fsanitize=address,undefined -fno-sanitize-recover=all --param asan-instrumentation-with-call-threshold=0
 BENCH_FLAGS := -O3 -march=native
 
-.PHONY: paper paper-quick help headers demo test check-long bench examples pictures format clean build-tests build-long build-bench
+.PHONY: paper paper-quick help headers demo test check-long bench examples pictures format clean build-tests build-long
 help: ## lists the targets
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
 
@@ -53,10 +54,16 @@ headers: $(GENERATORS) ## rewrites the product headers from src/
 
 examples: $(EXAMPLES) ## builds the examples into build/examples/
 
-build/examples/%: examples/%.c $(PRODUCTS) $(COMMON)
+# Each example is a whole program with the library in it. Here the library is compiled once for all of them: with
+# DGFEM_IMPLEMENTED defined, DGFEM_IMPLEMENTATION adds nothing.
+build/dgfem.o: dgfem.h
 	@mkdir -p $(@D)
-	$(CC) -std=c99 $(POSIX) $(CFLAGS) $(WARNINGS) $(INCLUDES) -o $@.$$$$ $< \
-	$(filter examples/common/%.c,$^) -lm && mv $@.$$$$ $@
+	$(CC) -std=c99 $(POSIX) $(CFLAGS) $(WARNINGS) -DDGFEM_IMPLEMENTATION -x c -c -o $@.$$$$ $< && mv $@.$$$$ $@
+
+build/examples/%: examples/%.c $(PRODUCTS) $(COMMON) build/dgfem.o
+	@mkdir -p $(@D)
+	$(CC) -std=c99 $(POSIX) $(CFLAGS) $(WARNINGS) $(INCLUDES) -DDGFEM_IMPLEMENTED -o $@.$$$$ $< \
+	$(filter examples/common/%.c,$^) build/dgfem.o -lm && mv $@.$$$$ $@
 
 # The bunny comes as a JavaScript module from npm; without it the demo uses a shape of its own.
 build/bunny.obj:
@@ -85,18 +92,32 @@ pictures: $(EXAMPLES) ## renders examples/pictures/*.png from the examples' outp
 TEST_KINDS := double float sanitize
 TEST_PROGRAMS := $(TESTS:%=build/tests/double/%) $(TESTS:%=build/tests/float/%)
 LONG_PROGRAMS := $(TEST_PROGRAMS) $(TESTS:%=build/tests/sanitize/%)
-CHECKS := headers packer matrix:gcc matrix:g++ matrix:clang matrix:clang++ symbols failing readme examples
+CHECKS := symbols readme matrix:gcc matrix:g++ matrix:clang matrix:clang++ bench failing examples headers packer
 TEST_SOURCES := $(PRODUCTS) $(COMMON) $(wildcard tests/*.h)
+
+# A test that calls private functions or looks into opaque types (then it defines DGFEM_STATIC) has the library, as far
+# as it is used, in its own translation unit. The others are linked with one object of each kind.
+LINKED_TESTS := $(patsubst tests/%.c,%,$(shell grep -L 'dgfemi_\|define DGFEM_STATIC' tests/test_*.c))
 
 build/tests/double/%: KIND := -DDGFEM_REAL=double
 build/tests/float/%: KIND := -DDGFEM_REAL=float $(SANITIZE) -fno-sanitize=null,object-size,pointer-overflow,alignment
 build/tests/sanitize/%: KIND := -DDGFEM_REAL=double $(SANITIZE)
 
 define test_rule
+build/tests/$(1)/dgfem.o: dgfem.h
+	@mkdir -p $$(@D)
+	@echo "building $$@"
+	@$(CC) -std=c99 $(POSIX) $(TEST_FLAGS) $$(KIND) $(WARNINGS) -DDGFEM_IMPLEMENTATION -x c -c -o $$@.$$$$$$$$ $$< && \
+	mv $$@.$$$$$$$$ $$@
+
+$(LINKED_TESTS:%=build/tests/$(1)/%): build/tests/$(1)/dgfem.o
+$(LINKED_TESTS:%=build/tests/$(1)/%): LIBRARY := -DDGFEM_IMPLEMENTED build/tests/$(1)/dgfem.o
+
+build/tests/$(1)/%: LIBRARY := -DDGFEM_STATIC
 build/tests/$(1)/%: tests/%.c $(TEST_SOURCES)
 	@mkdir -p $$(@D)
 	@echo "building $$@"
-	@$(CC) -std=c99 $(POSIX) $(TEST_FLAGS) $$(KIND) $(WARNINGS) $(INCLUDES) -o $$@.$$$$$$$$ $$< \
+	@$(CC) -std=c99 $(POSIX) $(TEST_FLAGS) $$(KIND) $(WARNINGS) $(INCLUDES) -o $$@.$$$$$$$$ $$< $$(LIBRARY) \
 	-Wl,--as-needed -lcmocka -lgmp -lm && mv $$@.$$$$$$$$ $$@
 endef
 $(foreach kind,$(TEST_KINDS),$(eval $(call test_rule,$(kind))))
@@ -108,8 +129,7 @@ test: $(GENERATORS) ## runs all tests; ends with "N passed, N failed"
 	@.ci/need libcmocka-dev libgmp-dev
 	@.ci/need --optional g++
 	@sh tests/checks.sh headers > /dev/null || { sh tests/run.sh "sh tests/checks.sh headers"; exit 1; }
-	@$(MAKE) --no-print-directory -k -j$(JOBS) build-tests examples build-bench || \
-	echo "make: something does not compile"
+	@$(MAKE) --no-print-directory -k -j$(JOBS) examples build-tests || echo "make: something does not compile"
 	@sh tests/run.sh $(foreach check,$(CHECKS),"sh tests/checks.sh $(subst :, ,$(check))") $(TEST_PROGRAMS)
 
 # Tests read DGFEM_LONG.
@@ -126,8 +146,6 @@ build/bench/%: bench/%.c $(PRODUCTS) $(COMMON) $(wildcard bench/*.h)
 	@mkdir -p $(@D)
 	@$(CC) -std=c99 $(POSIX) $(BENCH_FLAGS) $(WARNINGS) $(INCLUDES) -Ibench -o $@.$$$$ $< \
 	$(filter examples/common/%.c,$^) -lm && mv $@.$$$$ $@
-
-build-bench: $(BENCHES)
 
 bench: $(BENCHES) ## builds and runs the benchmarks
 	@.ci/need --optional npm

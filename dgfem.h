@@ -125,8 +125,9 @@
      in a little, in proportion to their weight.
    - Repairing surfaces. Open, inside-out or degenerate ones are refused with the offender named. A surface that crosses
      itself is not noticed.
-   - Hard constraints. Fixed faces are held weakly, by the same terms that glue elements together: exactly in the
-     mean as the mesh is refined, with a small residue on coarse ones.
+   - Hard constraints on faces or points. Fixed faces are held weakly, by the same terms that glue elements together,
+     with a small residue on coarse meshes that vanishes with refinement; pins are springs. Only whole elements can be
+     held exactly (dgfem_body_fix_elements).
    - Reading or writing files, drawing, threads of its own.
    - Calls on the same object from two threads at once. Different objects are independent.
 
@@ -207,10 +208,24 @@
                       for any rotations of the elements, and a search by factorization.
    query.c            Asking a solid: fields at a point, energies, momenta, volume, internal force; setting affine
                       fields.
+   pieces.c           Connected parts of a body.
+   edit.c             Editing a body, first half: a copy of the mesh whose elements remember which polynomial they
+                      carry.
+   renew.c            Editing a body, second half: everything that the edited mesh needs is made beside the body, which
+                      then takes it over.
    degree.c           Changing the polynomial degree of elements while the body lives: coefficients are kept exactly
-                      when the degree is raised and L2-projected when it is lowered; integrals of what did not change
-                      are kept.
-   skin.c             A render mesh that follows a body: positions by embedding, normals from its own triangles. */
+                      when the degree is raised and L2-projected when it is lowered.
+   refine.c           Adaptive refinement: elements split, their degrees raised, and what was split merged again.
+   fracture.c         Fracture: glue breaks where the traction on it exceeds what the material bears.
+   blade.c            A blade: a plane, or the part of a plane inside a simple polygon.
+   skin.c             A render mesh that follows a body: positions by embedding, normals from its own triangles.
+   skin_split.c       Cutting a render mesh along with its body.
+   skin_cap.c         Second part of cutting a render mesh: the cross-section.
+   skin_cut.c         Third part of cutting a render mesh: the vertices on both sides, the walls, and which elements
+                      carry them.
+   surface.c          The exact boundary of the elements as triangles: faces at the boundary, and cut faces once for
+                      each side.
+   cut.c              Cutting a body along a blade in world space. */
 
 #ifndef DGFEM_H
 #define DGFEM_H
@@ -267,6 +282,7 @@
 #define dgfem_body_create dgfem_body_create_float
 #define dgfem_embedding_create dgfem_embedding_create_float
 #define dgfem_skin_create dgfem_skin_create_float
+#define dgfem_surface_create dgfem_surface_create_float
 #endif
 
 /* ---- basic types --------------------------------------------------------------------------------------------- */
@@ -378,7 +394,8 @@ DGFEM_API dgfem_points_out dgfem_points_out_vec3(dgfem_vec3 *data, int count);
 /* ---- rotations ----------------------------------------------------------------------------------------------- */
 
 /* The rotation R of the polar decomposition F = R S, det R = +1, also for inverted F. Where F is too close to
-   singular to have one (sigma_2 + sigma_3 < 1e-6 sigma_1), `fallback` is returned (pass the last rotation). */
+   singular to have one (sigma_2 + sigma_3 <= 1e-6 sigma_1, in float 1e-4 sigma_1), `fallback` is returned (pass the
+   last rotation). */
 DGFEM_API dgfem_mat3 dgfem_rotation_of(dgfem_mat3 f, dgfem_mat3 fallback);
 
 /* Eigenvalues, ascending, and the matching unit eigenvectors (columns, right-handed) of a symmetric matrix. */
@@ -742,7 +759,7 @@ typedef enum dgfem_flux {
 } dgfem_flux;
 
 typedef enum dgfem_penalty {
-    DGFEM_PENALTY_SPLIT,  /* stiff on the jump's projection to degree p-1, soft (shear modulus) on the rest: no locking */
+    DGFEM_PENALTY_SPLIT,  /* stiff on the jump's projection to degree p-1, soft (mu) on the rest: no locking */
     DGFEM_PENALTY_TENSOR, /* mu I + (lambda + mu) n n^T on the whole jump */
     DGFEM_PENALTY_SCALAR  /* (lambda + 2 mu) on the whole jump, as the paper; locks for p = 1 */
 } dgfem_penalty;
@@ -762,7 +779,8 @@ typedef struct dgfem_body_desc {
     dgfem_real eta_rest;             /* split: factor of the rest of the jump; default 0.5 */
     dgfem_vec3 gravity;              /* default 0 0 -9.81 m/s^2 */
     dgfem_real damping_mass;         /* Rayleigh alpha, 1/s; default 0 */
-    dgfem_real damping_stiffness;    /* Rayleigh beta, s; default 0 */
+    dgfem_real damping_stiffness;    /* Rayleigh beta, s; default 0. Acts on velocities as stiffness on displacements:
+                                        it brakes rigid turning, and takes moving fixtures to stand still */
     int warp;                        /* 1: stiffness warping (default); 0: linear elasticity */
     dgfem_solver solver;             /* default Cholesky */
     dgfem_real solver_tolerance;     /* of PCG; default 1e-6 (float: 1e-4) */
@@ -775,7 +793,8 @@ typedef struct dgfem_step_info {
     int sweeps;               /* static solve: solves with new rotations */
     int contacts;             /* contact points that were active */
     int failed_element;       /* whose pivot was not positive, or DGFEM_NONE */
-    dgfem_real residual;      /* of PCG; static solve: last relative change of the displacement */
+    dgfem_real residual;      /* of PCG; static solve: last relative change of the displacement, without warping the
+                                 relative residual of the linear system */
     double seconds_assemble, seconds_contact, seconds_factor, seconds_solve; /* 0 without a clock */
 } dgfem_step_info;
 
@@ -784,7 +803,7 @@ typedef void (*dgfem_displacement_fn)(void *user, dgfem_vec3 rest, dgfem_vec3 *d
 
 typedef struct dgfem_static_desc {
     unsigned cookie;
-    int load_steps;         /* default 1 */
+    int load_steps;         /* loads and all prescribed displacements grow in equal steps from none; default 1 */
     int max_sweeps;         /* per load step; default 60 */
     dgfem_real tolerance;   /* on the change of the displacement relative to its size; default 1e-9 (float: 1e-4) */
 } dgfem_static_desc;
@@ -859,6 +878,9 @@ typedef struct dgfem_shape {
     dgfem_shape_desc desc;
 } dgfem_shape;
 
+/* Signed distance of x from the shape, positive where a body may be, and the unit direction in which it grows. */
+DGFEM_API dgfem_real dgfem_shape_distance(const dgfem_shape *shape, dgfem_vec3 x, dgfem_vec3 *normal);
+
 typedef struct dgfem_forms dgfem_forms;     /* precomputed integrals, opaque */
 typedef struct dgfem_contacts dgfem_contacts;
 
@@ -878,8 +900,11 @@ typedef struct dgfem_body {
     int basis_count;           /* sum over all elements; unknowns = 3 * basis_count */
     dgfem_vec3 *displacement;  /* [basis_count] coefficients */
     dgfem_vec3 *velocity;      /* [basis_count] coefficients */
-    dgfem_vec3 *force;         /* [basis_count] sum of tractions, forces and body forces; without gravity and pressure */
+    dgfem_vec3 *force;         /* [basis_count] sum of tractions, forces and body forces; no gravity, no pressure */
     dgfem_mat3 *rotation;      /* [element_count] as of the last step or solve */
+    int *family;               /* [element_count] or NULL: elements that refinement made of one have the same number; else DGFEM_NONE */
+    int *family_parent;        /* [family_count] the number that the split element had */
+    int family_count;
     int condition_count, condition_capacity, next_id;
     dgfem_condition *conditions;
     int shape_count, shape_capacity;
@@ -918,8 +943,8 @@ DGFEM_API dgfem_status dgfem_body_fix_normal(dgfem_body *body, const int *faces,
 DGFEM_API dgfem_status dgfem_body_move_fixture(dgfem_body *body, int id, dgfem_vec3 displacement);
 DGFEM_API dgfem_status dgfem_body_resample_fixture(dgfem_body *body, int id);
 
-/* Holds all unknowns of elements, exactly, at their current values; move_elements gives them the affine displacement
-   u(x) = translation + linear * x, reached at the end of the next step. */
+/* Holds all unknowns of elements, exactly, at their current values; none may be given twice. move_elements gives them
+   the affine displacement u(x) = translation + linear * x, reached at the end of the next step. */
 DGFEM_API dgfem_status dgfem_body_fix_elements(dgfem_body *body, const int *elements, int element_count, int *id);
 DGFEM_API dgfem_status dgfem_body_move_elements(dgfem_body *body, int id, dgfem_mat3 linear, dgfem_vec3 translation);
 
@@ -928,7 +953,8 @@ DGFEM_API dgfem_status dgfem_body_move_elements(dgfem_body *body, int id, dgfem_
 DGFEM_API dgfem_status dgfem_body_pin(dgfem_body *body, int element, dgfem_vec3 rest, dgfem_real stiffness, int *id);
 DGFEM_API dgfem_status dgfem_body_drag(dgfem_body *body, int id, dgfem_vec3 place);
 
-/* Loads: traction (N/m^2), pressure (N/m^2, positive pushes inward), body force (N/m^3), force (N) at a material point. */
+/* Loads: traction (N/m^2), pressure (N/m^2, positive pushes inward), body force (N/m^3), force (N) at a material point
+   of an element. */
 DGFEM_API dgfem_status dgfem_body_set_traction(dgfem_body *body, const int *faces, int face_count, dgfem_vec3 traction,
                                                int *id);
 DGFEM_API dgfem_status dgfem_body_set_pressure(dgfem_body *body, const int *faces, int face_count, dgfem_real pressure,
@@ -953,12 +979,13 @@ DGFEM_API dgfem_status dgfem_body_set_contact_points(dgfem_body *body, dgfem_poi
 DGFEM_API dgfem_status dgfem_body_step(dgfem_body *body, dgfem_real dt, dgfem_step_info *info);
 
 /* Static equilibrium of loads and fixtures (contact takes no part): with warping, repeated solves with new rotations.
-   Velocities become zero. DGFEM_ERROR_NOT_CONVERGED leaves the body as it was. */
+   Velocities become zero. On failure the body stays as it was. DGFEM_ERROR_UNCONSTRAINED where the conditions leave a
+   piece of the body free to move or turn as a rigid one. */
 DGFEM_API dgfem_status dgfem_body_solve_static(dgfem_body *body, const dgfem_static_desc *desc, dgfem_step_info *info);
 
 /* Changes the polynomial degree of one element, or of all ([element_count]). The state is kept exactly where the degree
-   is raised and projected (L2, momentum kept) where it is lowered; integrals of what did not change are kept. Held faces
-   keep their prescribed polynomial: call resample_fixture for more of a function. On failure nothing has changed. */
+   is raised and projected (L2, momentum kept) where it is lowered; integrals of what did not change are kept. Held
+   faces keep their prescribed polynomial: call resample_fixture for more of a function. On failure nothing has changed. */
 DGFEM_API dgfem_status dgfem_body_set_degree(dgfem_body *body, int element, int degree);
 DGFEM_API dgfem_status dgfem_body_set_degrees(dgfem_body *body, const int *degrees);
 
@@ -978,14 +1005,27 @@ DGFEM_API dgfem_status dgfem_body_find_eta(dgfem_body *body, dgfem_real *eta);
 
 /* ---- state of a body ---- */
 
+/* Questions that cannot be answered (no such element or face, a position that is not finite) are logged and get zero,
+   or for gradients and rotations the identity; without a body everything is zero. */
+
 /* Displacement, velocity and deformation gradient of an element's polynomial at a rest position (inside or not). */
 DGFEM_API dgfem_vec3 dgfem_body_displacement(const dgfem_body *body, int element, dgfem_vec3 rest);
 DGFEM_API dgfem_vec3 dgfem_body_velocity(const dgfem_body *body, int element, dgfem_vec3 rest);
 DGFEM_API dgfem_mat3 dgfem_body_gradient(const dgfem_body *body, int element, dgfem_vec3 rest); /* I + grad u */
 
-/* Cauchy stress (Pa, world axes) of the element's polynomial at a rest position; strain is taken in the element's
-   rotated frame, so that rigid motion gives none. */
+/* Strain, and Cauchy stress (Pa), of the element's polynomial at a rest position, in world axes; both are taken in the
+   element's rotated frame, so that rigid motion gives none. The mean_ functions give the means over the element. */
+DGFEM_API dgfem_mat3 dgfem_body_strain(const dgfem_body *body, int element, dgfem_vec3 rest);
 DGFEM_API dgfem_mat3 dgfem_body_stress(const dgfem_body *body, int element, dgfem_vec3 rest);
+DGFEM_API dgfem_mat3 dgfem_body_mean_strain(const dgfem_body *body, int element);
+DGFEM_API dgfem_mat3 dgfem_body_mean_stress(const dgfem_body *body, int element);
+
+/* Principal stresses, ascending, and their unit directions (columns, right-handed; may be NULL), of the stress at a rest
+   position and of an element's mean stress. */
+DGFEM_API void dgfem_body_principal_stress(const dgfem_body *body, int element, dgfem_vec3 rest, dgfem_real values[3],
+                                           dgfem_mat3 *directions);
+DGFEM_API void dgfem_body_mean_principal_stress(const dgfem_body *body, int element, dgfem_real values[3],
+                                                dgfem_mat3 *directions);
 
 DGFEM_API dgfem_mat3 dgfem_body_rotation(const dgfem_body *body, int element);
 
@@ -999,14 +1039,22 @@ DGFEM_API dgfem_status dgfem_body_set_affine_velocity(dgfem_body *body, dgfem_ma
 
 typedef struct dgfem_energy {
     dgfem_real kinetic;
-    dgfem_real elastic; /* elements and glue, in rotated frames; fixtures included */
-    dgfem_real gravity; /* potential, zero at the rest position's origin */
+    dgfem_real elastic; /* elements and glue, in rotated frames; held faces included, springs of pins not */
+    dgfem_real gravity; /* potential - m g . x of all mass: zero for mass at the world's origin */
 } dgfem_energy;
 
 DGFEM_API dgfem_status dgfem_body_energy(const dgfem_body *body, dgfem_energy *out);
+
+/* Linear momentum, and angular momentum about the world's origin; either may be NULL. */
 DGFEM_API dgfem_status dgfem_body_momentum(const dgfem_body *body, dgfem_vec3 *linear, dgfem_vec3 *angular);
 DGFEM_API dgfem_real dgfem_body_mass(const dgfem_body *body);
-DGFEM_API dgfem_real dgfem_body_volume(const dgfem_body *body); /* deformed: sum over elements of integral det F, p = 1 exact */
+
+/* The consistent mass matrix of an element, int density N_i N_j, row-major; out[n * n] for an element of n basis
+   functions. The body's is block diagonal: each entry stands for three equal ones, one per component. */
+DGFEM_API dgfem_status dgfem_body_element_mass(const dgfem_body *body, int element, dgfem_real *out);
+
+/* Deformed volume: sum of the elements' integrals of det F, exact for degree 1. */
+DGFEM_API dgfem_real dgfem_body_volume(const dgfem_body *body);
 
 /* Internal elastic force on every coefficient (what static equilibrium balances), for the current displacement:
    out[basis_count]. */
@@ -1033,6 +1081,18 @@ typedef struct dgfem_skin {
     int *triangles;
     int *corner_start;     /* [vertex_count + 1] into corners; NULL without triangles, as normals and triangles */
     int *corners;          /* positions in `triangles` at which each vertex appears */
+
+    /* What cuts have changed. Vertices keep their index, new ones are appended; a triangle that was split leaves one
+       part in its place, the other parts and the walls of the cut are appended. */
+    int original_vertex_count, original_triangle_count; /* as created */
+    int cut_count;
+    int *parents;              /* two of each new vertex, of lower index, that any attribute can be had from: */
+    dgfem_real *parent_weight; /* (1 - weight) * first + weight * second; DGFEM_NONE inside walls: none */
+    int *source;               /* [triangle_count] original triangle; DGFEM_NONE for walls */
+    int *wall;                 /* [triangle_count] 0; +k or -k for a wall of cut number k >= 1 on the side its normal pointed to, or behind */
+    int *weld;                 /* [vertex_count] lowest vertex that is the same point of the surface: pieces are closed in these */
+    dgfem_vec3 *anchors;       /* [vertex_count] rest position inside the material that a vertex belongs to */
+
     dgfem_embedding *embedding;
     dgfem_vec3 *sample_displacement;
     dgfem_hooks hooks;
@@ -1042,12 +1102,188 @@ DGFEM_API dgfem_skin_desc dgfem_default_skin_desc(void);
 DGFEM_API dgfem_status dgfem_skin_create(const dgfem_body *body, const dgfem_skin_desc *desc, dgfem_skin **out);
 DGFEM_API void dgfem_skin_destroy(dgfem_skin *skin);
 
+/* New weights after the body's topology has changed in another way than by a cut: refined, merged, other degrees.
+   Vertices and triangles stay. On failure nothing has changed. */
+DGFEM_API dgfem_status dgfem_skin_renew(dgfem_skin *skin, const dgfem_body *body);
+
 /* Moves the skin with the body; nothing is allocated. DGFEM_ERROR_REVISION when the body's topology has changed. */
 DGFEM_API dgfem_status dgfem_skin_update(dgfem_skin *skin, const dgfem_body *body);
 
 /* Copies the result into the caller's (strided) buffers, in the caller's vertex order. */
 DGFEM_API dgfem_status dgfem_skin_positions(const dgfem_skin *skin, dgfem_points_out out);
 DGFEM_API dgfem_status dgfem_skin_normals(const dgfem_skin *skin, dgfem_points_out out);
+
+/* The exact boundary of the elements as triangles: boundary faces, and cut faces once for each side. Watertight where
+   elements are glued, open where they are cut. A vertex stands at the mean of its elements' polynomials, eq. (30).
+   Between walls and the outside, and where faces meet by more than 60 degrees at rest, edges are sharp: each side has
+   vertices of its own, at the same place. */
+typedef struct dgfem_surface {
+    int vertex_count, triangle_count;
+    dgfem_vec3 *positions; /* as of the last update */
+    dgfem_vec3 *normals;   /* unit, angle-weighted; zero where no triangle has area */
+    int *triangles;        /* three vertices each, counter-clockwise from outside */
+    int *element;          /* [triangle_count] */
+    int *face;             /* [triangle_count] of the mesh */
+    int *source;           /* [triangle_count] tag of that face */
+    int *wall;             /* [triangle_count] 1: a cut face, or a boundary face without tag where others have one */
+    int *corner_start;     /* [vertex_count + 1] into corners */
+    int *corners;          /* positions in `triangles` at which each vertex appears */
+    int *sample;           /* [vertex_count] sample of the embedding; vertices that share one stay together */
+    dgfem_embedding *embedding; /* its samples are the corners; it has no points */
+    dgfem_vec3 *sample_displacement;
+    dgfem_hooks hooks;
+} dgfem_surface;
+
+DGFEM_API dgfem_status dgfem_surface_create(const dgfem_body *body, dgfem_surface **out);
+DGFEM_API void dgfem_surface_destroy(dgfem_surface *surface);
+
+/* Moves the surface with the body; nothing is allocated. DGFEM_ERROR_REVISION when the body's topology has changed:
+   make a new one then. */
+DGFEM_API dgfem_status dgfem_surface_update(dgfem_surface *surface, const dgfem_body *body);
+
+/* Copies the result into the caller's (strided) buffers. */
+DGFEM_API dgfem_status dgfem_surface_positions(const dgfem_surface *surface, dgfem_points_out out);
+DGFEM_API dgfem_status dgfem_surface_normals(const dgfem_surface *surface, dgfem_points_out out);
+
+/* ---- cutting ------------------------------------------------------------------------------------------------- */
+
+/* A cut opens because the glue between elements is gone, nothing else: the field stays as it is, elements that the blade
+   passes are split and both parts keep their polynomial. Materials, tags, conditions and loads stay on the parts. Blades
+   are given in world space and meet the body as it is now. On failure nothing has changed; a cut that succeeds raises
+   the body's revision. */
+typedef struct dgfem_cut_desc {
+    unsigned cookie;
+    dgfem_real snap;     /* an element of which less than this times its radius lies beyond the blade stays whole; default 1e-3 */
+    dgfem_real smallest; /* the same as a length (m): the larger one counts; default 0 */
+    dgfem_real sliver;   /* a part below this times its largest neighbour, in volume or (cubed) thickness, is merged into one
+                            that it is glued to; 0: none; default 1e-3 */
+    dgfem_skin *const *skins; /* render meshes, up to date with the body, that are cut along with it; or NULL */
+    int skin_count;
+} dgfem_cut_desc;
+
+typedef struct dgfem_cut_info {
+    int elements_split;
+    int faces_cut;      /* that were glued; 0: the blade missed, and nothing has changed */
+    int slivers_merged;
+} dgfem_cut_info;
+
+DGFEM_API dgfem_cut_desc dgfem_default_cut_desc(void);
+
+/* Cuts along a whole plane. desc (NULL: the default) and info may be NULL. */
+DGFEM_API dgfem_status dgfem_body_cut_plane(dgfem_body *body, dgfem_plane plane, const dgfem_cut_desc *desc,
+                                            dgfem_cut_info *info);
+
+/* Cuts inside a planar polygon, convex or not, in either sense. Elements that it meets are split along its plane, and
+   stay glued outside of it. Refuses polygons of fewer than three vertices, without area, bent or crossing themselves. */
+DGFEM_API dgfem_status dgfem_body_cut_polygon(dgfem_body *body, dgfem_points_in polygon, const dgfem_cut_desc *desc,
+                                              dgfem_cut_info *info);
+
+/* Cuts along triangles (three vertex indices each, in either sense), one after the other: a surface, or the area that a
+   moving edge has swept. Triangles without area cut nothing. */
+DGFEM_API dgfem_status dgfem_body_cut_surface(dgfem_body *body, dgfem_points_in vertices, const int *triangles,
+                                              int triangle_count, const dgfem_cut_desc *desc, dgfem_cut_info *info);
+
+/* A connected part of a body: elements held together by glue. */
+typedef struct dgfem_piece {
+    int element_count;
+    dgfem_real volume; /* at rest, m^3 */
+    dgfem_real mass;
+    dgfem_vec3 centre;   /* of mass, in the world */
+    dgfem_vec3 momentum; /* kg m/s */
+    dgfem_vec3 spin;     /* angular momentum about the centre of mass, kg m^2/s */
+} dgfem_piece;
+
+/* Numbers the pieces in the order of their first elements: piece_of[element_count] (may be NULL) receives the piece of
+   each element, pieces (may be NULL) the first `capacity` of them, *count their number. */
+DGFEM_API dgfem_status dgfem_body_pieces(const dgfem_body *body, int *piece_of, dgfem_piece *pieces, int capacity,
+                                         int *count);
+
+/* ---- refining, coarsening, breaking -------------------------------------------------------------------------- */
+
+/* What is to become of an element. Splitting and raising leave the field as it is; merging and lowering project it (L2),
+   which keeps momentum, and leaves it as it is where the result can represent it. */
+typedef enum dgfem_refine_action {
+    DGFEM_REFINE_NONE,
+    DGFEM_REFINE_EIGHT, /* split by three planes through the centroid, half way between opposite sides; what is not a
+                           hexahedron, by DGFEM_REFINE_TWO. Sides that smaller neighbours have divided count as whole */
+    DGFEM_REFINE_TWO,   /* split by the plane through the centroid across the principal stress of largest magnitude */
+    DGFEM_REFINE_RAISE, /* degree + 1 */
+    DGFEM_REFINE_LOWER, /* degree - 1 */
+    DGFEM_REFINE_MERGE  /* undo a split: done where all elements that came of it are to be merged, none has been split
+                           again, none is held, and their degree, material and conditions are the same. What is cut
+                           stays apart */
+} dgfem_refine_action;
+
+typedef struct dgfem_refine_desc {
+    unsigned cookie;
+    dgfem_refine_action how;  /* EIGHT (default), TWO or RAISE: for elements whose stress is above `refine_above`, */
+    dgfem_real refine_above;  /* Pa: the largest magnitude among the principal stresses of the element's mean stress;
+                                 default infinity: none */
+    dgfem_real merge_below;   /* Pa: elements below are merged (how RAISE: lowered); at most refine_above; default 0: none */
+    dgfem_real smallest;      /* m: elements whose parts' mean volume would be below its cube stay whole; default 0 */
+    int highest_degree;       /* RAISE goes no further; default 3 */
+    int lowest_degree;        /* nor LOWER; default 1 */
+    dgfem_refine_action (*choose)(void *user, const dgfem_body *body, int element, dgfem_refine_action proposed);
+                              /* NULL, or decides instead; proposed: what the stress says */
+    void *user;
+} dgfem_refine_desc;
+
+typedef struct dgfem_refine_info {
+    int elements_split;       /* that became several */
+    int elements_merged;      /* that vanished into another */
+    int degrees_raised, degrees_lowered;
+    dgfem_real largest_stress; /* of all elements before the call, Pa */
+} dgfem_refine_info;
+
+DGFEM_API dgfem_refine_desc dgfem_default_refine_desc(void);
+
+/* One round: no element is split twice. Neighbours may differ by any number of splits. Materials, tags, conditions and
+   loads stay where they are. body->family remembers what was split. A round that does nothing leaves the revision as it
+   is; on failure nothing has changed. info may be NULL. */
+DGFEM_API dgfem_status dgfem_body_refine(dgfem_body *body, const dgfem_refine_desc *desc, dgfem_refine_info *info);
+
+/* Merges every element below `ratio` times its largest glued neighbour, in volume or (cubed) thickness, 0 <= ratio < 1,
+   into the neighbour with which it shares the largest glued area and no cut face; material, degree and conditions of both
+   must be the same. The union's field is the L2 projection. *merged (may be NULL) counts the elements that vanished; 0:
+   nothing has changed. */
+DGFEM_API dgfem_status dgfem_body_merge_slivers(dgfem_body *body, dgfem_real ratio, int *merged);
+
+typedef struct dgfem_fracture_desc {
+    unsigned cookie;
+    dgfem_real strength;         /* > 0, Pa: normal traction at which glue breaks; default infinity: never */
+    const dgfem_real *strengths; /* [element_count] or NULL: `strength` everywhere. Between two elements the weaker counts */
+    dgfem_real toughness;        /* J/m^2: energy that a new crack costs per area; default 0 */
+    int split;                   /* 1: elements may break inside; default 0 */
+    dgfem_real smallest;         /* m: elements whose parts' mean volume would be below its cube do not; default 0 */
+    dgfem_real sliver;           /* as in dgfem_cut_desc, for the parts of elements that were split; default 1e-3 */
+    int max_breaks;              /* per call; default INT_MAX */
+} dgfem_fracture_desc;
+
+typedef struct dgfem_fracture_info {
+    int faces_broken;         /* new faces inside elements included */
+    int elements_split;
+    int slivers_merged;
+    dgfem_real largest_ratio; /* of normal traction to strength, over all glued faces, before the call */
+} dgfem_fracture_info;
+
+DGFEM_API dgfem_fracture_desc dgfem_default_fracture_desc(void);
+
+/* Breaks the glue of faces between elements where the peak normal traction reaches the strength; those first where it
+   exceeds it most, at most max_breaks. The traction is the mean of both sides' stresses, each turned with its element, on
+   the face's normal in the world; the peak is the largest of its values at the face's vertices and centre. Compression
+   and shear alone break nothing.
+
+   With a toughness G > 0 the face must also release enough energy: the part of the two elements' energy that its
+   traction (t_n normal, t_s along it, at the centre) does, if it were uniaxial, per area,
+     sum over both sides of (t_n^2 / 2E + t_s^2 / 2mu) * (volume / area of the element's side),   at least G.
+
+   With `split`, an element whose largest principal stress (mean, tensile) reaches its strength, but of whose faces none
+   breaks, is split by the plane through its centroid across that stress, and the new face breaks; the energy is that of
+   the whole element.
+
+   Call it after each step; cracks advance by one element a call, stress having found its new way in between. A call that
+   breaks nothing leaves the revision as it is; on failure nothing has changed. info may be NULL. */
+DGFEM_API dgfem_status dgfem_body_fracture(dgfem_body *body, const dgfem_fracture_desc *desc, dgfem_fracture_info *info);
 
 #endif /* DGFEM_H */
 
@@ -1367,7 +1603,10 @@ static dgfem_real dgfemi_dot(dgfem_vec3 a, dgfem_vec3 b) { return a.x * b.x + a.
 static dgfem_vec3 dgfemi_cross(dgfem_vec3 a, dgfem_vec3 b) {
     return dgfemi_vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
 }
-static dgfem_real dgfemi_norm(dgfem_vec3 a) { return dgfemi_sqrt(dgfemi_dot(a, a)); }
+static dgfem_real dgfemi_norm(dgfem_vec3 a) { /* in double, where squares of float neither overflow nor vanish */
+    double x = (double)a.x, y = (double)a.y, z = (double)a.z;
+    return (dgfem_real)sqrt(x * x + y * y + z * z);
+}
 static dgfem_real dgfemi_distance(dgfem_vec3 a, dgfem_vec3 b) { return dgfemi_norm(dgfemi_sub(a, b)); }
 static dgfem_vec3 dgfemi_min3(dgfem_vec3 a, dgfem_vec3 b) {
     return dgfemi_vec3(dgfemi_min(a.x, b.x), dgfemi_min(a.y, b.y), dgfemi_min(a.z, b.z));
@@ -1388,6 +1627,22 @@ static dgfem_vec3 dgfemi_normalized(dgfem_vec3 a) {
     if (!(largest > 0)) return dgfemi_vec3(0, 0, 0);
     a = dgfemi_vec3(a.x / largest, a.y / largest, a.z / largest); /* the squares neither overflow nor vanish */
     return dgfemi_scale(1 / dgfemi_norm(a), a);
+}
+
+/* Euclidean norm of a long vector, of any magnitude. */
+static double dgfemi_vector_norm(int count, const dgfem_vec3 *x) {
+    double largest = 0, sum = 0;
+    int i;
+    for (i = 0; i < count; i++) {
+        dgfem_real size = dgfemi_max(dgfemi_abs(x[i].x), dgfemi_max(dgfemi_abs(x[i].y), dgfemi_abs(x[i].z)));
+        if ((double)size > largest) largest = (double)size;
+    }
+    if (!(largest > 0)) return 0;
+    for (i = 0; i < count; i++) {
+        double a = (double)x[i].x / largest, b = (double)x[i].y / largest, c = (double)x[i].z / largest;
+        sum += a * a + b * b + c * c;
+    }
+    return largest * sqrt(sum);
 }
 
 /* ---- 3x3 matrices ---- */
@@ -1415,8 +1670,7 @@ static dgfem_mat3 dgfemi_multiply3(const dgfem_mat3 *a, const dgfem_mat3 *b) {
     dgfem_mat3 c;
     int i, j;
     for (i = 0; i < 3; i++)
-        for (j = 0; j < 3; j++)
-            c.m[i][j] = a->m[i][0] * b->m[0][j] + a->m[i][1] * b->m[1][j] + a->m[i][2] * b->m[2][j];
+        for (j = 0; j < 3; j++) c.m[i][j] = a->m[i][0] * b->m[0][j] + a->m[i][1] * b->m[1][j] + a->m[i][2] * b->m[2][j];
     return c;
 }
 
@@ -1438,7 +1692,9 @@ static dgfem_real dgfemi_determinant(const dgfem_mat3 *a) {
 
 static dgfem_vec3 dgfemi_column(const dgfem_mat3 *a, int j) { return dgfemi_vec3(a->m[0][j], a->m[1][j], a->m[2][j]); }
 
-static void dgfemi_set_column(dgfem_mat3 *a, int j, dgfem_vec3 v) { a->m[0][j] = v.x, a->m[1][j] = v.y, a->m[2][j] = v.z; }
+static void dgfemi_set_column(dgfem_mat3 *a, int j, dgfem_vec3 v) {
+    a->m[0][j] = v.x, a->m[1][j] = v.y, a->m[2][j] = v.z;
+}
 
 /* a += s * u v^T */
 static void dgfemi_add_outer(dgfem_mat3 *a, dgfem_real s, dgfem_vec3 u, dgfem_vec3 v) {
@@ -1512,69 +1768,124 @@ DGFEM_API void dgfem_eigen_symmetric(dgfem_mat3 a, dgfem_real values[3], dgfem_m
 
 /* ---- polar rotation ---- */
 
-/* F = U diag(sigma) V^T with V the eigenvectors of F^T F. The two largest singular values give two columns of U; the
-   third is their cross product, which also makes det(U V^T) = +1 and so flips the smallest singular vector of an
-   inverted F. */
+/* Turns columns p and q of f, and those of v with them, until they are orthogonal. 0 when they are already. */
+static int dgfemi_orthogonalize_columns(dgfem_mat3 *f, dgfem_mat3 *v, int p, int q) {
+    dgfem_vec3 x = dgfemi_column(f, p), y = dgfemi_column(f, q), vx = dgfemi_column(v, p), vy = dgfemi_column(v, q);
+    dgfem_real xx = dgfemi_dot(x, x), yy = dgfemi_dot(y, y), xy = dgfemi_dot(x, y), theta, t, c, s;
+    if (!(dgfemi_abs(xy) > DGFEM_EPSILON * dgfemi_sqrt(xx) * dgfemi_sqrt(yy)) || xy == 0) return 0;
+    theta = (yy - xx) / (2 * xy);
+    t = 1 / (dgfemi_abs(theta) + dgfemi_sqrt(theta * theta + 1));
+    if (theta < 0) t = -t;
+    c = 1 / dgfemi_sqrt(t * t + 1);
+    s = t * c;
+    dgfemi_set_column(f, p, dgfemi_add_scaled(dgfemi_scale(c, x), -s, y));
+    dgfemi_set_column(f, q, dgfemi_add_scaled(dgfemi_scale(s, x), c, y));
+    dgfemi_set_column(v, p, dgfemi_add_scaled(dgfemi_scale(c, vx), -s, vy));
+    dgfemi_set_column(v, q, dgfemi_add_scaled(dgfemi_scale(s, vx), c, vy));
+    return 1;
+}
+
+/* F V = U diag(sigma) by one-sided Jacobi rotations, which unlike the eigenvectors of F^T F see small singular values
+   as exactly as F holds them. The two largest give two columns of U and of V; the third ones are their cross products,
+   which makes det(U V^T) = +1 and so flips the smallest singular vector of an inverted F. */
 DGFEM_API dgfem_mat3 dgfem_rotation_of(dgfem_mat3 f, dgfem_mat3 fallback) {
-    dgfem_mat3 ft, gram, v, u, vt;
-    dgfem_real squares[3], sigma1, sigma2, sigma3;
-    dgfem_vec3 u1, u2;
+    enum { MAX_SWEEPS = 16 }; /* convergence is quadratic: six suffice */
+    const dgfem_real bound = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-6);
+    dgfem_mat3 v = dgfemi_identity(), r;
+    dgfem_vec3 u1, u2, v1, v2;
+    dgfem_real sigma[3], largest = 0;
+    int first = 0, second, sweep, i;
     if (!dgfemi_is_finite_mat3(&f)) return fallback;
-    ft = dgfemi_transposed(&f);
-    gram = dgfemi_multiply3(&ft, &f);
-    dgfem_eigen_symmetric(gram, squares, &v);
-    u1 = dgfemi_multiply(&f, dgfemi_column(&v, 2));
-    sigma1 = dgfemi_norm(u1);
-    if (!(sigma1 > 0)) return fallback;
-    u1 = dgfemi_scale(1 / sigma1, u1);
-    u2 = dgfemi_multiply(&f, dgfemi_column(&v, 1));
-    u2 = dgfemi_add_scaled(u2, -dgfemi_dot(u1, u2), u1);
-    sigma2 = dgfemi_norm(u2);
-    sigma3 = dgfemi_norm(dgfemi_multiply(&f, dgfemi_column(&v, 0)));
-    if (!(sigma2 + sigma3 > DGFEM_R(1e-6) * sigma1) || !(sigma2 > 0)) return fallback;
-    u2 = dgfemi_scale(1 / sigma2, u2);
-    dgfemi_set_column(&u, 2, u1);
-    dgfemi_set_column(&u, 1, u2);
-    dgfemi_set_column(&u, 0, dgfemi_cross(u2, u1)); /* v is right-handed: v0 = v1 x v2 */
-    vt = dgfemi_transposed(&v);
-    return dgfemi_multiply3(&u, &vt);
+    for (i = 0; i < 9; i++) largest = dgfemi_max(largest, dgfemi_abs(f.m[i / 3][i % 3]));
+    if (!(largest > 0)) return fallback;
+    for (i = 0; i < 9; i++) f.m[i / 3][i % 3] /= largest; /* the squares neither overflow nor vanish */
+    for (sweep = 0; sweep < MAX_SWEEPS; sweep++) {
+        int turned = dgfemi_orthogonalize_columns(&f, &v, 0, 1);
+        turned |= dgfemi_orthogonalize_columns(&f, &v, 0, 2);
+        turned |= dgfemi_orthogonalize_columns(&f, &v, 1, 2);
+        if (!turned) break;
+    }
+    for (i = 0; i < 3; i++) sigma[i] = dgfemi_norm(dgfemi_column(&f, i));
+    for (i = 1; i < 3; i++)
+        if (sigma[i] > sigma[first]) first = i;
+    second = first == 0 ? 1 : 0;
+    if (sigma[3 - first - second] > sigma[second]) second = 3 - first - second;
+    if (!(sigma[second] + sigma[3 - first - second] > bound * sigma[first])) return fallback;
+    u1 = dgfemi_scale(1 / sigma[first], dgfemi_column(&f, first));
+    u2 = dgfemi_scale(1 / sigma[second], dgfemi_column(&f, second));
+    v1 = dgfemi_column(&v, first), v2 = dgfemi_column(&v, second);
+    memset(&r, 0, sizeof r);
+    dgfemi_add_outer(&r, 1, u1, v1);
+    dgfemi_add_outer(&r, 1, u2, v2);
+    dgfemi_add_outer(&r, 1, dgfemi_cross(u1, u2), dgfemi_cross(v1, v2));
+    return r;
 }
 
 /* ---- dense Cholesky of small blocks, row-major ---- */
 
 /* Lower triangle of a becomes L with A = L L^T. 0 when a pivot is not positive. */
 static int dgfemi_cholesky_dense(dgfem_real *a, int n) {
+    size_t stride = (size_t)n;
     int i, j, k;
     for (j = 0; j < n; j++) {
-        dgfem_real pivot = a[j * n + j];
-        for (k = 0; k < j; k++) pivot -= a[j * n + k] * a[j * n + k];
+        dgfem_real *row = a + (size_t)j * stride, pivot = row[j];
+        for (k = 0; k < j; k++) pivot -= row[k] * row[k];
         if (!(pivot > 0) || !dgfemi_is_finite(pivot)) return 0;
         pivot = dgfemi_sqrt(pivot);
-        a[j * n + j] = pivot;
+        row[j] = pivot;
         for (i = j + 1; i < n; i++) {
-            dgfem_real sum = a[i * n + j];
-            for (k = 0; k < j; k++) sum -= a[i * n + k] * a[j * n + k];
-            a[i * n + j] = sum / pivot;
+            dgfem_real *lower = a + (size_t)i * stride, sum = lower[j];
+            for (k = 0; k < j; k++) sum -= lower[k] * row[k];
+            lower[j] = sum / pivot;
         }
     }
     return 1;
 }
 
-/* x = (L L^T)^-1 x for `columns` interleaved right-hand sides: x[row * columns + column]. */
+/* The same for the Gram matrix of functions of which some may depend on those before them, as far as round-off can
+   tell: their rows become zero, which drops them from the solves below. */
+static void dgfemi_cholesky_dropping(dgfem_real *a, int n) {
+    int i, j, k;
+    for (i = 0; i < n; i++) {
+        dgfem_real *row = a + i * n, norm = row[i], pivot = norm;
+        for (j = 0; j < i; j++) {
+            const dgfem_real *upper = a + j * n;
+            for (k = 0; k < j; k++) row[j] -= row[k] * upper[k];
+            row[j] = upper[j] > 0 ? row[j] / upper[j] : 0;
+            pivot -= row[j] * row[j];
+        }
+        row[i] = pivot > 1000 * DGFEM_EPSILON * norm ? dgfemi_sqrt(pivot) : 0;
+        for (j = 0; row[i] == 0 && j < i; j++) row[j] = 0;
+    }
+}
+
+/* x = L^-1 x for `columns` interleaved right-hand sides: x[row * columns + column]; zero in dropped rows. */
+static void dgfemi_forward_dense(const dgfem_real *l, int n, dgfem_real *x, int columns) {
+    int i, k, c;
+    for (i = 0; i < n; i++) {
+        const dgfem_real *row = l + (size_t)i * (size_t)n;
+        dgfem_real *xi = x + (size_t)i * (size_t)columns;
+        for (c = 0; c < columns; c++) {
+            dgfem_real sum = xi[c];
+            for (k = 0; k < i; k++) sum -= row[k] * x[(size_t)k * (size_t)columns + (size_t)c];
+            xi[c] = row[i] > 0 ? sum / row[i] : 0;
+        }
+    }
+}
+
+/* x = (L L^T)^-1 x for right-hand sides as above. */
 static void dgfemi_cholesky_dense_solve(const dgfem_real *l, int n, dgfem_real *x, int columns) {
     int i, k, c;
-    for (i = 0; i < n; i++)
+    dgfemi_forward_dense(l, n, x, columns);
+    for (i = n - 1; i >= 0; i--) {
+        dgfem_real *xi = x + (size_t)i * (size_t)columns, pivot = l[(size_t)i * (size_t)n + (size_t)i];
         for (c = 0; c < columns; c++) {
-            dgfem_real sum = x[i * columns + c];
-            for (k = 0; k < i; k++) sum -= l[i * n + k] * x[k * columns + c];
-            x[i * columns + c] = sum / l[i * n + i];
+            dgfem_real sum = xi[c];
+            for (k = i + 1; k < n; k++)
+                sum -= l[(size_t)k * (size_t)n + (size_t)i] * x[(size_t)k * (size_t)columns + (size_t)c];
+            xi[c] = pivot > 0 ? sum / pivot : 0;
         }
-    for (i = n - 1; i >= 0; i--)
-        for (c = 0; c < columns; c++) {
-            dgfem_real sum = x[i * columns + c];
-            for (k = i + 1; k < n; k++) sum -= l[k * n + i] * x[k * columns + c];
-            x[i * columns + c] = sum / l[i * n + i];
-        }
+    }
 }
 
 /* ==== planar.c ==================================================================================================== */
@@ -5625,9 +5936,20 @@ typedef struct dgfemi_sliver {
     int element;
 } dgfemi_sliver;
 
+/* What is small, and what may be merged with what. */
+typedef struct dgfemi_merge_rule {
+    dgfem_real volume; /* elements smaller than this are slivers, */
+    dgfem_real
+        ratio; /* and those that this times the largest glued neighbour exceeds, in volume or, cubed, in thickness */
+    const char *candidate; /* [element_count] 1: may be merged into a neighbour; or NULL: all may */
+    int (*allows)(const void *user, int a, int b); /* NULL: all pairs; the arguments are tags */
+    const void *user;
+} dgfemi_merge_rule;
+
 typedef struct dgfemi_merger {
     dgfem_mesh *mesh;
-    dgfem_real limit;
+    dgfemi_merge_rule rule;
+    int *union_of;       /* [element_count] the element that took this one in, or DGFEM_NONE; may be NULL */
     dgfemi_sliver *heap; /* the smallest first */
     int heap_count;
     int *mark;              /* [element_count] the last `stamp` at which the element was seen as a neighbour */
@@ -5669,12 +5991,40 @@ static dgfemi_sliver dgfemi_heap_pop(dgfemi_merger *merger) {
     return top;
 }
 
-/* ---- neighbours ---- */
+/* ---- slivers ---- */
 
 static int dgfemi_mesh_other_side(const dgfem_mesh *mesh, int element, int face) {
     const dgfem_face *f = &mesh->faces[face];
     return f->element[0] == element ? f->element[1] : f->element[0];
 }
+
+/* Volume over the area of the largest face. */
+static dgfem_real dgfemi_mesh_thickness(const dgfem_mesh *mesh, int element) {
+    const dgfem_element *e = &mesh->elements[element];
+    dgfem_real largest = 0;
+    int k;
+    for (k = e->face_start; k < e->face_start + e->face_count; k++)
+        largest = dgfemi_max(largest, mesh->faces[mesh->element_faces[k]].area);
+    return largest > 0 ? e->volume / largest : 0;
+}
+
+static int dgfemi_is_sliver(const dgfem_mesh *mesh, const dgfemi_merge_rule *rule, int element) {
+    const dgfem_element *e = &mesh->elements[element];
+    dgfem_real largest = 0, thickness;
+    int k;
+    if (e->face_count == 0 || (rule->candidate && !rule->candidate[element])) return 0;
+    if (e->volume < rule->volume) return 1;
+    if (!(rule->ratio > 0)) return 0;
+    for (k = e->face_start; k < e->face_start + e->face_count; k++) {
+        int f = mesh->element_faces[k], other = dgfemi_mesh_other_side(mesh, element, f);
+        if (other != DGFEM_NONE && !mesh->faces[f].cut) largest = dgfemi_max(largest, mesh->elements[other].volume);
+    }
+    if (e->volume < rule->ratio * largest) return 1;
+    thickness = dgfemi_mesh_thickness(mesh, element) / rule->ratio;
+    return thickness * thickness * thickness < largest;
+}
+
+/* ---- neighbours ---- */
 
 /* Lists the neighbours of an element with their glued areas. 1 on success, 0 when out of memory. */
 static int dgfemi_merger_list_neighbours(dgfemi_merger *merger, int element) {
@@ -5687,8 +6037,11 @@ static int dgfemi_merger_list_neighbours(dgfemi_merger *merger, int element) {
         int f = mesh->element_faces[k], other = dgfemi_mesh_other_side(mesh, element, f);
         if (other == DGFEM_NONE) continue;
         if (merger->mark[other] != merger->stamp) {
+            const dgfemi_merge_rule *rule = &merger->rule;
             merger->mark[other] = merger->stamp;
             merger->glued_area[other] = 0;
+            if (rule->allows && !rule->allows(rule->user, e->tag, mesh->elements[other].tag))
+                merger->glued_area[other] = -1;
             if (!dgfemi_push(&mesh->hooks, &merger->neighbours, other)) return 0;
         }
         if (mesh->faces[f].cut) merger->glued_area[other] = -1; /* a face cannot have one element on both sides */
@@ -5776,6 +6129,7 @@ static int dgfemi_merger_apply(dgfemi_merger *merger, int sliver, int into) {
         else face->element[face->element[0] == sliver ? 0 : 1] = into;
     }
     from->face_count = 0;
+    if (merger->union_of) merger->union_of[sliver] = into;
     to->face_start = start;
     to->face_count = merger->faces.count;
     dgfemi_mesh_measure_element(mesh, into);
@@ -5803,7 +6157,7 @@ static int dgfemi_merger_round(dgfemi_merger *merger, int *merged) {
     int e, into;
     *merged = 0;
     for (e = 0; e < mesh->element_count; e++)
-        if (mesh->elements[e].face_count > 0 && mesh->elements[e].volume < merger->limit) dgfemi_heap_push(merger, e);
+        if (dgfemi_is_sliver(mesh, &merger->rule, e)) dgfemi_heap_push(merger, e);
     while (merger->heap_count > 0) {
         dgfemi_sliver sliver = dgfemi_heap_pop(merger);
         const dgfem_element *element = &mesh->elements[sliver.element];
@@ -5811,15 +6165,14 @@ static int dgfemi_merger_round(dgfemi_merger *merger, int *merged) {
         if (!dgfemi_merger_merge(merger, sliver.element, &into)) return 0;
         if (into == DGFEM_NONE) continue;
         ++*merged;
-        if (mesh->elements[into].volume < merger->limit) dgfemi_heap_push(merger, into);
+        if (dgfemi_is_sliver(mesh, &merger->rule, into)) dgfemi_heap_push(merger, into);
     }
     return 1;
 }
 
-static int dgfemi_mesh_count_slivers(const dgfem_mesh *mesh, dgfem_real limit) {
+static int dgfemi_mesh_count_slivers(const dgfem_mesh *mesh, const dgfemi_merge_rule *rule) {
     int e, count = 0;
-    for (e = 0; e < mesh->element_count; e++)
-        if (mesh->elements[e].face_count > 0 && mesh->elements[e].volume < limit) count++;
+    for (e = 0; e < mesh->element_count; e++) count += dgfemi_is_sliver(mesh, rule, e);
     return count;
 }
 
@@ -5830,14 +6183,14 @@ static int dgfemi_merger_run(dgfemi_merger *merger, int *merged, int *left) {
     dgfemi_arena arena = dgfemi_arena_make(&mesh->hooks);
     size_t n = (size_t)mesh->element_count;
     int ok, round = 0;
-    *left = dgfemi_mesh_count_slivers(mesh, merger->limit);
-    merger->heap = (dgfemi_sliver *)dgfemi_arena_allocate(&arena, (size_t)*left, sizeof(dgfemi_sliver));
+    *left = dgfemi_mesh_count_slivers(mesh, &merger->rule);
+    merger->heap = (dgfemi_sliver *)dgfemi_arena_allocate(&arena, n, sizeof(dgfemi_sliver));
     merger->mark = (int *)dgfemi_arena_allocate_zero(&arena, n, sizeof(int));
     merger->glued_area = (dgfem_real *)dgfemi_arena_allocate(&arena, n, sizeof(dgfem_real));
     ok = merger->heap && merger->mark && merger->glued_area;
     for (*merged = 0; ok && *left > 0; *merged += round) {
         ok = dgfemi_merger_round(merger, &round);
-        *left = dgfemi_mesh_count_slivers(mesh, merger->limit);
+        *left = dgfemi_mesh_count_slivers(mesh, &merger->rule);
         if (round == 0) break;
     }
     dgfemi_free(&mesh->hooks, merger->neighbours.data);
@@ -5848,12 +6201,12 @@ static int dgfemi_merger_run(dgfemi_merger *merger, int *merged, int *left) {
 }
 
 /* On a copy, so that a failure leaves the mesh as it was. */
-static dgfem_status dgfemi_mesh_merge(dgfem_mesh *mesh, dgfem_real limit, int *merged, int *left) {
+static dgfem_status dgfemi_mesh_merge(dgfem_mesh *mesh, const dgfemi_merge_rule *rule, int *merged, int *left) {
     dgfemi_merger merger;
     dgfem_status status;
     memset(&merger, 0, sizeof merger);
     merger.mesh = dgfemi_mesh_duplicate(mesh);
-    merger.limit = limit;
+    merger.rule = *rule;
     if (merger.mesh && dgfemi_merger_run(&merger, merged, left)) status = dgfemi_mesh_compact(merger.mesh);
     else status = dgfemi_fail_memory(&mesh->hooks);
     if (!status) dgfemi_mesh_swap(mesh, merger.mesh);
@@ -5863,11 +6216,14 @@ static dgfem_status dgfemi_mesh_merge(dgfem_mesh *mesh, dgfem_real limit, int *m
 
 DGFEM_API dgfem_status dgfem_mesh_merge_slivers(dgfem_mesh *mesh, dgfem_real volume, int *merged, int *left) {
     dgfem_status status = DGFEM_OK;
+    dgfemi_merge_rule rule;
     int went = 0, stayed = 0;
     if (!mesh) return DGFEM_ERROR_ARGUMENT;
     if (!(volume >= 0) || !dgfemi_is_finite(volume))
         return dgfemi_fail(&mesh->hooks, DGFEM_ERROR_ARGUMENT, "merge slivers: volume %g", (double)volume);
-    if (dgfemi_mesh_count_slivers(mesh, volume) > 0) status = dgfemi_mesh_merge(mesh, volume, &went, &stayed);
+    memset(&rule, 0, sizeof rule);
+    rule.volume = volume;
+    if (dgfemi_mesh_count_slivers(mesh, &rule) > 0) status = dgfemi_mesh_merge(mesh, &rule, &went, &stayed);
     if (status) return status;
     if (merged) *merged = went;
     if (left) *left = stayed;
@@ -6434,6 +6790,14 @@ typedef struct dgfemi_lattice {
     dgfem_real noise;
 } dgfemi_lattice;
 
+/* The faces at each vertex, as lists that new faces are added to; dead faces stay in them. */
+typedef struct dgfemi_incidence {
+    int *head;           /* [vertex_count] first entry, or DGFEM_NONE */
+    dgfemi_ints entries; /* pairs: face, next entry */
+    int vertex_count, head_capacity;
+    int face_count; /* faces entered */
+} dgfemi_incidence;
+
 /* One splitter serves many planes: what it allocates is kept. */
 typedef struct dgfemi_splitter {
     dgfem_mesh *mesh;
@@ -6445,6 +6809,7 @@ typedef struct dgfemi_splitter {
                                       edge that is split */
     int measure;                   /* 1: new faces and elements are measured */
     const dgfemi_lattice *lattice; /* or NULL */
+    int local; /* 1: a plane concerns the given elements only; all that a split costs is near them */
 
     /* the plane */
     dgfem_vec3 normal;    /* unit */
@@ -6454,7 +6819,7 @@ typedef struct dgfemi_splitter {
     dgfem_plane plane;    /* not for an axis */
     int snapped;          /* 1: some vertex counts as on the plane that is off it by more than round-off */
     signed char *snap_mark; /* [vertex_count] 1: to be snapped; -1: must not be */
-    dgfem_real *extent;   /* [2 * face_count] axis: the face's lowest and highest coordinate; not known when reversed */
+    dgfem_real *extent; /* [2 * face_count] axis: the face's lowest and highest coordinate; not known when reversed */
     int height_capacity, snap_mark_capacity, extent_capacity, extent_count;
     dgfemi_ints selected; /* elements that straddle the plane */
 
@@ -6466,17 +6831,19 @@ typedef struct dgfemi_splitter {
     unsigned *element_mark;                                      /* [element_count] given or renewed */
     int cut_capacity, element_mark_capacity;
     dgfemi_ints cut_faces;
-    int failed_element;                                          /* on failure: the last one tried */
+    int failed_element; /* on failure: the last one tried */
     dgfemi_split_child *children;
-    dgfemi_ints child_faces;                                     /* codes */
+    dgfemi_ints child_faces; /* codes */
     dgfemi_split_reloop *reloops;
     int child_count, child_capacity, reloop_count, reloop_capacity;
+    dgfemi_incidence incidence; /* local */
+    dgfemi_ints crossed;        /* local: the edges split, as pairs of vertices */
 
     /* one element: codes as in parts.c */
     dgfemi_ints below, above;
-    dgfemi_ints touching;   /* those below that may have unknown edges in the plane */
-    dgfemi_segments caps;   /* known edges of the caps */
-    int coplanar;           /* 1: some face has all its vertices on the plane */
+    dgfemi_ints touching; /* those below that may have unknown edges in the plane */
+    dgfemi_segments caps; /* known edges of the caps */
+    int coplanar;         /* 1: some face has all its vertices on the plane */
     dgfemi_parts parts;
 
     /* one face */
@@ -6514,6 +6881,9 @@ static void dgfemi_splitter_free(dgfemi_splitter *s) {
     dgfemi_free(hooks, s->children);
     dgfemi_free(hooks, s->child_faces.data);
     dgfemi_free(hooks, s->reloops);
+    dgfemi_free(hooks, s->incidence.head);
+    dgfemi_free(hooks, s->incidence.entries.data);
+    dgfemi_free(hooks, s->crossed.data);
     dgfemi_free(hooks, s->below.data);
     dgfemi_free(hooks, s->above.data);
     dgfemi_free(hooks, s->touching.data);
@@ -6539,14 +6909,47 @@ static int dgfemi_split_room(const dgfem_hooks *hooks, dgfemi_ints *ints, int ex
 
 static int dgfemi_crossing_push(const dgfem_hooks *hooks, dgfemi_crossings *crossings, dgfem_real t, int vertex) {
     if (crossings->count == crossings->capacity) {
-        void *grown = dgfemi_grow(hooks, crossings->data, &crossings->capacity, crossings->count + 1,
-                                  sizeof(dgfemi_crossing));
+        void *grown =
+            dgfemi_grow(hooks, crossings->data, &crossings->capacity, crossings->count + 1, sizeof(dgfemi_crossing));
         if (!grown) return 0;
         crossings->data = (dgfemi_crossing *)grown;
     }
     crossings->data[crossings->count].t = t;
     crossings->data[crossings->count++].vertex = vertex;
     return 1;
+}
+
+/* ---- the faces at a vertex ---- */
+
+/* Enters a face at its vertices, from a vertex on. */
+static int dgfemi_incidence_enter(const dgfem_mesh *mesh, dgfemi_incidence *incidence, int face, int first_vertex) {
+    const dgfem_face *f = &mesh->faces[face];
+    int l, i;
+    for (l = f->loop_start; l < f->loop_start + f->loop_count; l++)
+        for (i = 0; i < mesh->loops[l].count; i++) {
+            int v = mesh->loop_vertices[mesh->loops[l].start + i], *head = &incidence->head[v];
+            int entry = incidence->entries.count;
+            if (v < first_vertex) continue;
+            if (!dgfemi_push(&mesh->hooks, &incidence->entries, face) ||
+                !dgfemi_push(&mesh->hooks, &incidence->entries, *head))
+                return 0;
+            *head = entry;
+        }
+    return 1;
+}
+
+/* Enters what the mesh has gained since the last call. 1 on success, 0 when out of memory. */
+static int dgfemi_incidence_grow(const dgfem_mesh *mesh, dgfemi_incidence *incidence) {
+    void *head = incidence->head;
+    int ok = dgfemi_mesh_room(&mesh->hooks, &head, 0, &incidence->head_capacity, mesh->vertex_count, sizeof(int));
+    incidence->head = (int *)head;
+    if (!ok) return 0;
+    for (; incidence->vertex_count < mesh->vertex_count; incidence->vertex_count++)
+        incidence->head[incidence->vertex_count] = DGFEM_NONE;
+    for (; ok && incidence->face_count < mesh->face_count; incidence->face_count++)
+        if (mesh->faces[incidence->face_count].element[0] != DGFEM_NONE)
+            ok = dgfemi_incidence_enter(mesh, incidence, incidence->face_count, 0);
+    return ok;
 }
 
 /* ---- vertices ---- */
@@ -6608,6 +7011,8 @@ static int dgfemi_split_crossing(dgfemi_splitter *s, int a, int b) {
     if (s->lattice) dgfemi_lattice_snap(s->lattice, &p);
     vertex = dgfemi_split_add_vertex(s, p);
     if (vertex == DGFEM_NONE) return DGFEM_NONE;
+    if (s->local && (!dgfemi_push(&s->mesh->hooks, &s->crossed, a) || !dgfemi_push(&s->mesh->hooks, &s->crossed, b)))
+        return DGFEM_NONE;
     return dgfemi_edge_map_set(&s->mesh->hooks, &s->crossings, slot, a, b, vertex) ? vertex : DGFEM_NONE;
 }
 
@@ -6672,7 +7077,8 @@ static dgfem_status dgfemi_split_add_bent(dgfemi_splitter *s, const dgfem_face *
         int triangle[3];
         dgfem_vec3 p = mesh->vertices[centre], a, b, area;
         dgfem_real flat;
-        triangle[0] = centre, triangle[1] = s->scratch_a.data[i % count], triangle[2] = s->scratch_a.data[(i + 1) % count];
+        triangle[0] = centre, triangle[1] = s->scratch_a.data[i % count],
+        triangle[2] = s->scratch_a.data[(i + 1) % count];
         a = dgfemi_sub(mesh->vertices[triangle[1]], p), b = dgfemi_sub(mesh->vertices[triangle[2]], p);
         area = dgfemi_cross(a, b), flat = dgfemi_dot(area, s->normal);
         if (i < count) {
@@ -6695,7 +7101,8 @@ static dgfem_status dgfemi_split_add_region(dgfemi_splitter *s, const dgfem_face
     for (loop = 0; loop < dgfemi_join_loop_count(joiner); loop++) {
         int start = joiner->start.data[loop], count = joiner->start.data[loop + 1] - start;
         if (joiner->owner.data[loop] != outer) continue;
-        if (dgfemi_mesh_add_loop(s->mesh, joiner->vertices.data + start, count) == DGFEM_NONE) return DGFEM_ERROR_MEMORY;
+        if (dgfemi_mesh_add_loop(s->mesh, joiner->vertices.data + start, count) == DGFEM_NONE)
+            return DGFEM_ERROR_MEMORY;
         loops++;
     }
     if (is_cap && dgfemi_split_is_bent(s, loops)) return dgfemi_split_add_bent(s, like, loops);
@@ -6926,8 +7333,8 @@ static int dgfemi_split_push_line(dgfemi_splitter *s, const dgfem_face *face, in
     const dgfem_hooks *hooks = &s->mesh->hooks;
     int middle;
     if (!dgfemi_split_is_taken(s, face, from, to)) return dgfemi_segment_push(hooks, &s->lines, from, to);
-    middle = dgfemi_split_add_vertex(s, dgfemi_scale(DGFEM_R(0.5), dgfemi_add(s->mesh->vertices[from],
-                                                                             s->mesh->vertices[to])));
+    middle = dgfemi_split_add_vertex(
+        s, dgfemi_scale(DGFEM_R(0.5), dgfemi_add(s->mesh->vertices[from], s->mesh->vertices[to])));
     return middle != DGFEM_NONE && dgfemi_segment_push(hooks, &s->lines, from, middle) &&
            dgfemi_segment_push(hooks, &s->lines, middle, to);
 }
@@ -7067,8 +7474,7 @@ static dgfem_status dgfemi_split_sort_cut(dgfemi_splitter *s, int code, const dg
         ok = dgfemi_push(hooks, &s->below, 2 * (cut.first + i) + inwards);
         if (ok && !known) ok = dgfemi_push(hooks, &s->touching, 2 * (cut.first + i) + inwards);
     }
-    for (i = 0; ok && i < cut.above; i++)
-        ok = dgfemi_push(hooks, &s->above, 2 * (cut.first + cut.below + i) + inwards);
+    for (i = 0; ok && i < cut.above; i++) ok = dgfemi_push(hooks, &s->above, 2 * (cut.first + cut.below + i) + inwards);
     if (ok && known) ok = dgfemi_segment_push(hooks, &s->caps, inwards ? cut.p : cut.q, inwards ? cut.q : cut.p);
     return ok ? DGFEM_OK : DGFEM_ERROR_MEMORY;
 }
@@ -7120,7 +7526,8 @@ static dgfem_status dgfemi_split_add_caps(dgfemi_splitter *s, int element, int *
     like.normal = s->normal;
     s->pieces.count = 0;
     for (i = 0; i < s->caps.count; i++)
-        if (!dgfemi_segment_push(hooks, &s->pieces, s->caps.data[i].from, s->caps.data[i].to)) return DGFEM_ERROR_MEMORY;
+        if (!dgfemi_segment_push(hooks, &s->pieces, s->caps.data[i].from, s->caps.data[i].to))
+            return DGFEM_ERROR_MEMORY;
     for (i = 0; i < s->touching.count; i++)
         if (!dgfemi_split_list_touching(s, s->touching.data[i])) return DGFEM_ERROR_MEMORY;
     *first = s->mesh->face_count;
@@ -7302,7 +7709,7 @@ static dgfem_status dgfemi_split_renew_neighbours(dgfemi_splitter *s) {
 /* The crossing vertex on an edge, or DGFEM_NONE. */
 static int dgfemi_split_find_crossing(const dgfemi_splitter *s, int a, int b) {
     const dgfemi_edge_slot *slot;
-    if (dgfemi_split_sign(s, a) * dgfemi_split_sign(s, b) >= 0) return DGFEM_NONE;
+    if (!s->local && dgfemi_split_sign(s, a) * dgfemi_split_sign(s, b) >= 0) return DGFEM_NONE; /* quick */
     slot = dgfemi_edge_map_at(&s->crossings, a, b);
     return dgfemi_edge_map_has(&s->crossings, slot) ? slot->value : DGFEM_NONE;
 }
@@ -7337,8 +7744,8 @@ static dgfem_status dgfemi_split_reloop_face(dgfemi_splitter *s, int f) {
         if (dgfemi_mesh_add_loop(mesh, s->scratch_a.data, s->scratch_a.count) == DGFEM_NONE) return DGFEM_ERROR_MEMORY;
     }
     if (s->reloop_count == s->reloop_capacity) {
-        void *grown = dgfemi_grow(hooks, s->reloops, &s->reloop_capacity, s->reloop_count + 1,
-                                  sizeof(dgfemi_split_reloop));
+        void *grown =
+            dgfemi_grow(hooks, s->reloops, &s->reloop_capacity, s->reloop_count + 1, sizeof(dgfemi_split_reloop));
         if (!grown) return DGFEM_ERROR_MEMORY;
         s->reloops = (dgfemi_split_reloop *)grown;
     }
@@ -7357,6 +7764,24 @@ static dgfem_status dgfemi_split_reloop_faces(dgfemi_splitter *s) {
         if (face->element[0] == DGFEM_NONE || s->cut[f].generation == s->generation) continue;
         if (dgfemi_split_has_crossing(s, face)) status = dgfemi_split_reloop_face(s, f);
     }
+    return status;
+}
+
+/* The same by way of the split edges alone. */
+static dgfem_status dgfemi_split_reloop_near(dgfemi_splitter *s) {
+    dgfem_status status = DGFEM_OK;
+    int i, entry;
+    for (i = 0; !status && i < s->crossed.count; i += 2)
+        for (entry = s->incidence.head[s->crossed.data[i]]; !status && entry != DGFEM_NONE;
+             entry = s->incidence.entries.data[entry + 1]) {
+            int f = s->incidence.entries.data[entry];
+            if (f >= s->face_count || s->mesh->faces[f].element[0] == DGFEM_NONE) continue;
+            if (s->cut[f].generation == s->generation) continue; /* cut, or relooped before */
+            if (!dgfemi_split_has_crossing(s, &s->mesh->faces[f])) continue;
+            memset(&s->cut[f], 0, sizeof s->cut[f]);
+            s->cut[f].generation = s->generation;
+            status = dgfemi_split_reloop_face(s, f);
+        }
     return status;
 }
 
@@ -7435,7 +7860,8 @@ static dgfem_status dgfemi_split_begin(dgfemi_splitter *s) {
     s->vertex_count = mesh->vertex_count, s->face_count = mesh->face_count;
     s->loop_count = mesh->loop_count, s->loop_vertex_count = mesh->loop_vertex_count;
     s->child_count = s->reloop_count = 0;
-    s->child_faces.count = s->cut_faces.count = 0;
+    s->child_faces.count = s->cut_faces.count = s->crossed.count = 0;
+    ok = ok && (!s->local || dgfemi_incidence_grow(mesh, &s->incidence)); /* the first time: all faces */
     if (++s->generation == 0) {
         memset(s->cut, 0, (size_t)s->cut_capacity * sizeof(dgfemi_cut_face));
         memset(s->element_mark, 0, (size_t)s->element_mark_capacity * sizeof(unsigned));
@@ -7451,6 +7877,24 @@ static void dgfemi_split_roll_back(dgfemi_splitter *s) {
     mesh->loop_count = s->loop_count, mesh->loop_vertex_count = s->loop_vertex_count;
 }
 
+/* Enters the new vertices of faces that got new loops. 1 on success, 0 when out of memory. */
+static int dgfemi_split_grow_incidence(dgfemi_splitter *s) {
+    int i, ok = dgfemi_incidence_grow(s->mesh, &s->incidence);
+    for (i = 0; ok && i < s->reloop_count; i++)
+        ok = dgfemi_incidence_enter(s->mesh, &s->incidence, s->reloops[i].face, s->vertex_count);
+    return ok;
+}
+
+/* Brings the surroundings up to date and commits, or forgets all that was done. */
+static dgfem_status dgfemi_split_end(dgfemi_splitter *s, dgfem_status status) {
+    if (!status && !s->all) status = dgfemi_split_renew_neighbours(s);
+    if (!status && !s->all) status = s->local ? dgfemi_split_reloop_near(s) : dgfemi_split_reloop_faces(s);
+    if (!status) status = dgfemi_split_commit(s);
+    if (status) dgfemi_split_roll_back(s);
+    else if (s->local && !dgfemi_split_grow_incidence(s)) status = DGFEM_ERROR_MEMORY; /* the mesh is a copy */
+    return status == DGFEM_ERROR_MEMORY ? dgfemi_fail_memory(&s->mesh->hooks) : status;
+}
+
 /* Splits elements that all have vertices below and above the plane that is set. Their children are s->children[]; the
    first one of each parent is below and keeps the parent's index. On failure the mesh is as it was. */
 static dgfem_status dgfemi_split_straddling(dgfemi_splitter *s, const int *elements, int count) {
@@ -7461,11 +7905,20 @@ static dgfem_status dgfemi_split_straddling(dgfemi_splitter *s, const int *eleme
         status = dgfemi_split_element(s, elements[i]);
         s->failed_element = elements[i];
     }
-    if (!status && !s->all) status = dgfemi_split_renew_neighbours(s);
-    if (!status && !s->all) status = dgfemi_split_reloop_faces(s);
-    if (!status) status = dgfemi_split_commit(s);
-    if (status) dgfemi_split_roll_back(s);
-    return status == DGFEM_ERROR_MEMORY ? dgfemi_fail_memory(&s->mesh->hooks) : status;
+    return dgfemi_split_end(s, status);
+}
+
+/* Cuts faces that all have vertices below and above the plane that is set; elements stay whole. The parts of face f are
+   s->cut[f].first and those after it. On failure the mesh is as it was. */
+static dgfem_status dgfemi_split_faces(dgfemi_splitter *s, const int *faces, int count) {
+    dgfem_status status = dgfemi_split_begin(s);
+    dgfemi_cut_face cut;
+    int i;
+    for (i = 0; !status && i < count; i++) {
+        dgfemi_face_signs signs = dgfemi_split_count_signs(s, &s->mesh->faces[faces[i]]);
+        status = dgfemi_split_cut_face(s, faces[i], signs.simple, &cut);
+    }
+    return dgfemi_split_end(s, status);
 }
 
 /* ---- axis planes ---- */
@@ -7487,25 +7940,44 @@ static int dgfemi_split_set_axis(dgfemi_splitter *s, int axis) {
 
 /* ---- any plane ---- */
 
-/* Heights of all vertices above the plane. What round-off alone may have put beside it counts as on it, so that a second
-   cut where there is one already changes nothing. 1 on success, 0 when out of memory. */
-static int dgfemi_split_set_plane(dgfemi_splitter *s, dgfem_plane plane) {
+static void dgfemi_split_set_height(dgfemi_splitter *s, int vertex, dgfem_real *size) {
+    dgfem_vec3 p = s->mesh->vertices[vertex], n = s->plane.normal;
+    *size = dgfemi_max(*size, dgfemi_abs(n.x * p.x) + dgfemi_abs(n.y * p.y) + dgfemi_abs(n.z * p.z));
+    s->height[vertex] = dgfemi_dot(n, p) - s->plane.offset;
+}
+
+static void dgfemi_split_set_element_heights(dgfemi_splitter *s, int element, dgfem_real *size) {
+    const dgfem_mesh *mesh = s->mesh;
+    const dgfem_element *e = &mesh->elements[element];
+    int k, l, i;
+    for (k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        for (l = face->loop_start; l < face->loop_start + face->loop_count; l++)
+            for (i = 0; i < mesh->loops[l].count; i++)
+                dgfemi_split_set_height(s, mesh->loop_vertices[mesh->loops[l].start + i], size);
+    }
+}
+
+/* Heights above the plane, of all vertices or, for a local split, of those of the given elements. What round-off alone
+   may have put beside the plane counts as on it, so that a second cut where there is one already changes nothing. 1 on
+   success, 0 when out of memory. */
+static int dgfemi_split_set_plane(dgfemi_splitter *s, dgfem_plane plane, const int *elements, int count) {
     const dgfem_mesh *mesh = s->mesh;
     dgfem_vec3 n = plane.normal;
     dgfem_real size = dgfemi_abs(plane.offset);
     void *height = s->height;
-    int v, ok = dgfemi_mesh_room(&mesh->hooks, &height, 0, &s->height_capacity, mesh->vertex_count, sizeof(dgfem_real));
+    int v, i,
+        ok = dgfemi_mesh_room(&mesh->hooks, &height, 0, &s->height_capacity, mesh->vertex_count, sizeof(dgfem_real));
     s->height = (dgfem_real *)height;
     if (!ok) return 0;
     s->axis = DGFEM_NONE;
     s->plane = plane;
     s->normal = dgfemi_abs(dgfemi_dot(n, n) - 1) <= 4 * DGFEM_EPSILON ? n : dgfemi_normalized(n);
     s->snapped = 0;
-    for (v = 0; v < mesh->vertex_count; v++) {
-        dgfem_vec3 p = mesh->vertices[v];
-        size = dgfemi_max(size, dgfemi_abs(n.x * p.x) + dgfemi_abs(n.y * p.y) + dgfemi_abs(n.z * p.z));
-        s->height[v] = dgfemi_dot(n, p) - plane.offset;
-    }
+    if (s->local)
+        for (i = 0; i < count; i++) dgfemi_split_set_element_heights(s, elements[i], &size);
+    else
+        for (v = 0; v < mesh->vertex_count; v++) dgfemi_split_set_height(s, v, &size);
     s->high = 16 * DGFEM_EPSILON * size;
     s->low = -s->high;
     return 1;
@@ -7608,7 +8080,7 @@ static void dgfemi_split_snap(dgfemi_splitter *s, const int *elements, int count
 /* Sets the plane and selects those of the elements (NULL: of the first `count`) that straddle it. */
 static dgfem_status dgfemi_split_select(dgfemi_splitter *s, dgfem_plane plane, const int *elements, int count) {
     int i;
-    if (!dgfemi_split_set_plane(s, plane)) return dgfemi_fail_memory(&s->mesh->hooks);
+    if (!dgfemi_split_set_plane(s, plane, elements, count)) return dgfemi_fail_memory(&s->mesh->hooks);
     if (s->snap > 0) dgfemi_split_snap(s, elements, count);
     s->selected.count = 0;
     for (i = 0; i < count; i++) {
@@ -7638,8 +8110,7 @@ static void dgfemi_split_release(dgfemi_splitter *s, int element) {
     for (k = e->face_start; k < e->face_start + e->face_count; k++) {
         const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
         for (l = face->loop_start; l < face->loop_start + face->loop_count; l++)
-            for (i = 0; i < mesh->loops[l].count; i++)
-                s->snap_mark[mesh->loop_vertices[mesh->loops[l].start + i]] = -1;
+            for (i = 0; i < mesh->loops[l].count; i++) s->snap_mark[mesh->loop_vertices[mesh->loops[l].start + i]] = -1;
     }
 }
 
@@ -7763,7 +8234,8 @@ static dgfem_status dgfemi_split_parts(dgfem_mesh *mesh, dgfem_plane plane, dgfe
         status = dgfem_mesh_element_polyhedron(mesh, 0, &parts[0]);
         if (!status) status = dgfem_mesh_element_polyhedron(mesh, 1, &parts[1]);
     } else if (!status) {
-        for (i = 0; i < mesh->loop_vertex_count && dgfemi_split_sign(&s, mesh->loop_vertices[i]) >= 0; i++) {}
+        for (i = 0; i < mesh->loop_vertex_count && dgfemi_split_sign(&s, mesh->loop_vertices[i]) >= 0; i++) {
+        }
         status = dgfem_mesh_element_polyhedron(mesh, 0, &parts[i == mesh->loop_vertex_count]);
     }
     dgfemi_splitter_free(&s);
@@ -8604,18 +9076,20 @@ static void dgfemi_basis_shift(int degree, dgfem_vec3 c, dgfem_real s, dgfem_vec
 
    Functions of degree zero have no gradient, so j >= 1 in G and q. */
 
-enum { DGFEM_CHUNK_SIZES = 32 }; /* 3 of elements, 9 of glued faces, 3 of held faces, each with or without tractions */
+/* Different sizes of chunks, for degrees 1 to 3: elements have 3, held faces 3, glued faces 9 (one per pair of degrees,
+   in either order). The flux decides for the whole body whether faces have tractions. */
+enum { DGFEM_CHUNK_SIZES = 16 };
 
 typedef struct dgfemi_chunks {
     size_t *data;
     int count, capacity;
 } dgfemi_chunks;
 
-/* The integrals live in chunks of one pool. Chunks have few sizes (one per degree, one per pair of degrees), so a freed
-   chunk waits for the next of its size. */
+/* The integrals of all elements and faces live in one array, each in a chunk of it. As there are few sizes of chunks, a
+   chunk that is given back is kept for the next of its size: the array only grows. */
 typedef struct dgfemi_chunk_bin {
     size_t size;
-    dgfemi_chunks free; /* offsets */
+    dgfemi_chunks free; /* offsets of the chunks given back */
 } dgfemi_chunk_bin;
 
 typedef struct dgfemi_element_form {
@@ -8625,16 +9099,16 @@ typedef struct dgfemi_element_form {
 
 typedef struct dgfemi_face_form {
     int face;
-    int element[2];        /* element[1] is DGFEM_NONE on a held face */
-    int count[2];          /* functions of each side; count[1] of the ghost on a held face */
-    size_t data;           /* chunk: P, Q [(count[0] + count[1])^2] each, q^0, q^1 [(count[0] + count[1]) * (count[s] - 1)]
+    int element[2]; /* element[1] is DGFEM_NONE on a held face */
+    int count[2];   /* functions of each side; count[1] of the ghost on a held face */
+    size_t data;    /* chunk: P, Q [(count[0] + count[1])^2] each, q^0, q^1 [(count[0] + count[1]) * (count[s] - 1)]
                               vectors where there are tractions, ghost [count[1]] vectors on a held face */
-    dgfem_real eta_stiff;  /* eta0 p^2 g_f */
-    dgfem_real eta_rest;   /* eta_r p^2 g_f */
-    dgfem_real weight;     /* of the average: 1/2, on a held face 1 */
-    int consistent;        /* 1: IP, 0: BZ, whose forms have no tractions */
-    int normal_only;       /* held face: 1: only the component along the rest normal is held */
-    int condition;         /* held face: id of the condition that holds it, else DGFEM_NONE */
+    dgfem_real eta_stiff; /* eta0 p^2 g_f */
+    dgfem_real eta_rest;  /* eta_r p^2 g_f */
+    dgfem_real weight;    /* of the average: 1/2, on a held face 1 */
+    int consistent;       /* 1: IP, 0: BZ, whose forms have no tractions */
+    int normal_only;      /* held face: 1: only the component along the rest normal is held */
+    int condition;        /* held face: id of the condition that holds it, else DGFEM_NONE */
 } dgfemi_face_form;
 
 struct dgfem_forms {
@@ -8756,8 +9230,8 @@ static void dgfemi_moments_loops(const dgfem_mesh *mesh, const dgfem_face *face,
 }
 
 /* out[i] = integral of monomial i of (x - centre)/scale over the element. */
-static void dgfemi_element_moments(const dgfem_mesh *mesh, int element, int degree, dgfem_vec3 centre,
-                                   dgfem_real scale, dgfem_real *out) {
+static void dgfemi_element_moments(const dgfem_mesh *mesh, int element, int degree, dgfem_vec3 centre, dgfem_real scale,
+                                   dgfem_real *out) {
     const dgfem_element *e = &mesh->elements[element];
     dgfemi_moments moments;
     dgfemi_moments_begin_volume(&moments, degree, centre, scale);
@@ -8779,7 +9253,7 @@ static void dgfemi_mesh_face_moments(const dgfem_mesh *mesh, int face, int degre
 
 /* ---- elements ---- */
 
-/* G_ij[a][b] = int d_a N_i d_b N_j: the product of two derivatives is again one monomial, so each entry is one moment. */
+/* G_ij[a][b] = int d_a N_i d_b N_j: the product of two derivatives is one monomial again, so each entry is a moment. */
 static void dgfemi_element_stiffness(int count, dgfem_real scale, const dgfem_real *moments, dgfem_real *out) {
     dgfem_real inverse = 1 / (scale * scale);
     for (int i = 1; i < count; i++)
@@ -8813,8 +9287,9 @@ static int dgfemi_forms_set_element(const dgfem_body *body, dgfem_forms *forms, 
 /* ---- faces ---- */
 
 /* Total area of the element's faces in the plane of `face` with the same outward normal. The penalty is scaled by this
-   patch, not by the face, so that dividing a face changes nothing. On the boundary, a smooth surface in triangles is one
-   patch too: its faces count by how far they look the same way, or the bound on eta would grow with their number. */
+   patch, not by the face, so that dividing a face changes nothing. On the boundary, a smooth surface in triangles is
+   one patch too: its faces count by how far they look the same way, or the bound on eta would grow with their number.
+   */
 static dgfem_real dgfemi_patch_area(const dgfem_mesh *mesh, int element, int face) {
     const dgfem_real tolerance = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-6);
     const dgfem_element *e = &mesh->elements[element];
@@ -8838,15 +9313,17 @@ static dgfem_real dgfemi_patch_area(const dgfem_mesh *mesh, int element, int fac
     return area;
 }
 
+#define DGFEM_MAX_PLANE_BASIS 10 /* in-plane monomials up to DGFEM_MAX_DEGREE */
+
 /* Everything about one face in monomials about its own centre, while its integrals are computed. */
 typedef struct dgfemi_face_frame {
-    int degree;                 /* the larger of both sides */
-    int count;                  /* monomials up to degree */
+    int degree; /* the larger of both sides */
+    int count;  /* monomials up to degree */
     dgfem_vec3 centre;
     dgfem_real scale;
-    dgfem_vec3 axis[2];         /* in-plane principal axes, divided by the scaled radius of gyration along each */
-    dgfem_real moments[DGFEM_MAX_MOMENTS]; /* scaled, up to 2 * degree */
-    int sides;                  /* functions of both sides */
+    dgfem_vec3 axis[2]; /* in-plane principal axes, divided by the scaled radius of gyration along each */
+    dgfem_real moments[DGFEM_MAX_MOMENTS];                      /* scaled, up to 2 * degree */
+    int sides;                                                  /* functions of both sides */
     dgfem_real jump[2 * DGFEM_MAX_BASIS][DGFEM_MAX_BASIS];      /* J_i in face monomials */
     dgfem_real jump_gram[2 * DGFEM_MAX_BASIS][DGFEM_MAX_BASIS]; /* int J_i m_k */
 } dgfemi_face_frame;
@@ -8861,9 +9338,9 @@ static dgfem_real dgfemi_face_radius(const dgfem_mesh *mesh, const dgfem_face *f
     return largest;
 }
 
-/* The face's axes of inertia and extents make the projection's basis well conditioned on thin faces. */
-static void dgfemi_face_axes(dgfemi_face_frame *frame, dgfem_vec3 normal) {
-    const dgfem_real *m = frame->moments;
+/* The face's principal axes, each divided by the radius of gyration along it, from its moments up to degree 2: they
+   make polynomials on a thin face well conditioned. */
+static void dgfemi_face_axes(const dgfem_real *m, dgfem_vec3 normal, dgfem_vec3 axis[2]) {
     dgfem_mat3 inertia, vectors;
     dgfem_real values[3], area = m[0];
     inertia.m[0][0] = m[4], inertia.m[1][1] = m[7], inertia.m[2][2] = m[9];
@@ -8871,12 +9348,12 @@ static void dgfemi_face_axes(dgfemi_face_frame *frame, dgfem_vec3 normal) {
     inertia.m[0][2] = inertia.m[2][0] = m[6];
     inertia.m[1][2] = inertia.m[2][1] = m[8];
     dgfem_eigen_symmetric(inertia, values, &vectors);
-    frame->axis[0] = dgfemi_column(&vectors, 2);
-    frame->axis[0] = dgfemi_normalized(dgfemi_add_scaled(frame->axis[0], -dgfemi_dot(frame->axis[0], normal), normal));
-    frame->axis[1] = dgfemi_cross(normal, frame->axis[0]);
+    axis[0] = dgfemi_column(&vectors, 2);
+    axis[0] = dgfemi_normalized(dgfemi_add_scaled(axis[0], -dgfemi_dot(axis[0], normal), normal));
+    axis[1] = dgfemi_cross(normal, axis[0]);
     for (int k = 0; k < 2; k++) {
         dgfem_real gyration = dgfemi_sqrt(dgfemi_max(values[2 - k], 0) / area);
-        if (gyration > DGFEM_EPSILON) frame->axis[k] = dgfemi_scale(1 / gyration, frame->axis[k]);
+        if (gyration > DGFEM_EPSILON) axis[k] = dgfemi_scale(1 / gyration, axis[k]);
     }
 }
 
@@ -8899,7 +9376,7 @@ static void dgfemi_face_frame_set(const dgfem_body *body, const dgfemi_face_form
     frame->centre = face->centre;
     frame->scale = dgfemi_face_radius(body->mesh, face);
     dgfemi_mesh_face_moments(body->mesh, form->face, 2 * frame->degree, frame->centre, frame->scale, frame->moments);
-    dgfemi_face_axes(frame, face->normal);
+    dgfemi_face_axes(frame->moments, face->normal, frame->axis);
     dgfemi_face_side(frame, 0, body->degree[a], body->origin[a], body->scale[a], 1);
     if (b != DGFEM_NONE) dgfemi_face_side(frame, form->count[0], body->degree[b], body->origin[b], body->scale[b], -1);
     else dgfemi_face_side(frame, form->count[0], frame->degree, frame->centre, frame->scale, -1);
@@ -8922,64 +9399,50 @@ static void dgfemi_face_jump_products(const dgfemi_face_frame *frame, dgfem_real
         }
 }
 
-/* The in-plane monomials (axis0 . x)^i (axis1 . x)^j, i + j <= degree - 1, in face monomials; returns their number. */
-static int dgfemi_face_projection_basis(const dgfemi_face_frame *frame, dgfem_real basis[6][DGFEM_MAX_BASIS]) {
-    dgfem_real linear[2][3];
-    memset(basis, 0, 6 * sizeof basis[0]);
+/* The in-plane monomials u^i v^j, u = axis[0] . m and v = axis[1] . m, i + j <= degree, written in face monomials m: by
+   degree, then i descending. Returns their number. */
+static int dgfemi_plane_basis(const dgfem_vec3 axis[2], int degree,
+                              dgfem_real basis[DGFEM_MAX_PLANE_BASIS][DGFEM_MAX_BASIS]) {
+    int count = 1;
+    memset(basis, 0, DGFEM_MAX_PLANE_BASIS * sizeof basis[0]);
     basis[0][0] = 1;
-    if (frame->degree == 1) return 1;
-    for (int k = 0; k < 2; k++) {
-        linear[k][0] = frame->axis[k].x, linear[k][1] = frame->axis[k].y, linear[k][2] = frame->axis[k].z;
-        for (int a = 0; a < 3; a++) basis[1 + k][1 + a] = linear[k][a];
+    for (int p = 1; p <= degree; p++) {
+        int lower = count - p, lower_count = dgfem_monomial_count(p - 1); /* the monomials of degree p - 1 */
+        for (int j = 0; j <= p; j++, count++) {                           /* u^(p-j) v^j = u or v times one of those */
+            const dgfem_real *factor = basis[j < p ? lower + j : lower + p - 1];
+            for (int k = 0; k < lower_count; k++)
+                for (int a = 0; a < 3; a++)
+                    basis[count][dgfemi_product_index(k, 1 + a)] += factor[k] * dgfemi_axis(axis[j == p], a);
+        }
     }
-    if (frame->degree == 2) return 3;
-    for (int pair = 0; pair < 3; pair++) {
-        const dgfem_real *u = linear[pair == 2], *v = linear[pair != 0];
-        for (int a = 0; a < 3; a++)
-            for (int b = 0; b < 3; b++) basis[3 + pair][dgfemi_product_index(1 + a, 1 + b)] += u[a] * v[b];
-    }
-    return 6;
+    return count;
 }
 
 /* P_ij = R^T Gm^-1 R with R = int b J, Gm = int b b^T. Functions that a thin face cannot tell apart are dropped. */
 static void dgfemi_face_projection(const dgfemi_face_frame *frame, dgfem_real *out) {
-    dgfem_real basis[6][DGFEM_MAX_BASIS], r[6][2 * DGFEM_MAX_BASIS], gram[6][6];
-    int count = dgfemi_face_projection_basis(frame, basis), sides = frame->sides;
+    dgfem_real basis[DGFEM_MAX_PLANE_BASIS][DGFEM_MAX_BASIS];
+    dgfem_real r[DGFEM_MAX_PLANE_BASIS * 2 * DGFEM_MAX_BASIS], gram[DGFEM_MAX_PLANE_BASIS * DGFEM_MAX_PLANE_BASIS];
+    int count = dgfemi_plane_basis(frame->axis, frame->degree - 1, basis), sides = frame->sides;
     for (int m = 0; m < count; m++) {
         for (int i = 0; i < sides; i++) {
-            r[m][i] = 0;
-            for (int k = 0; k < frame->count; k++) r[m][i] += basis[m][k] * frame->jump_gram[i][k];
+            r[m * sides + i] = 0;
+            for (int k = 0; k < frame->count; k++) r[m * sides + i] += basis[m][k] * frame->jump_gram[i][k];
         }
         for (int l = 0; l <= m; l++) {
-            gram[m][l] = 0;
+            gram[m * count + l] = 0;
             for (int k = 0; k < frame->count; k++)
                 for (int j = 0; j < frame->count; j++) {
                     if (basis[m][k] == 0 || basis[l][j] == 0) continue;
-                    gram[m][l] += basis[m][k] * basis[l][j] * frame->moments[dgfemi_product_index(k, j)];
+                    gram[m * count + l] += basis[m][k] * basis[l][j] * frame->moments[dgfemi_product_index(k, j)];
                 }
         }
     }
-    memset(out, 0, (size_t)(sides * sides) * sizeof(dgfem_real));
-    for (int m = 0; m < count; m++) { /* Cholesky by rows, r becomes L^-1 R on the way */
-        dgfem_real norm = gram[m][m];
-        for (int l = 0; l < m; l++) {
-            for (int k = 0; k < l; k++) gram[m][l] -= gram[m][k] * gram[l][k];
-            gram[m][l] = gram[l][l] > 0 ? gram[m][l] / gram[l][l] : 0;
-            gram[m][m] -= gram[m][l] * gram[m][l];
-        }
-        if (!(gram[m][m] > 1000 * DGFEM_EPSILON * norm)) {
-            gram[m][m] = 0;
-            continue;
-        }
-        gram[m][m] = dgfemi_sqrt(gram[m][m]);
-        for (int i = 0; i < sides; i++) {
-            for (int l = 0; l < m; l++)
-                if (gram[l][l] > 0) r[m][i] -= gram[m][l] * r[l][i];
-            r[m][i] /= gram[m][m];
-        }
+    dgfemi_cholesky_dropping(gram, count);
+    dgfemi_forward_dense(gram, count, r, sides);
+    memset(out, 0, (size_t)sides * (size_t)sides * sizeof(dgfem_real));
+    for (int m = 0; m < count; m++)
         for (int i = 0; i < sides; i++)
-            for (int j = 0; j < sides; j++) out[i * sides + j] += r[m][i] * r[m][j];
-    }
+            for (int j = 0; j < sides; j++) out[i * sides + j] += r[m * sides + i] * r[m * sides + j];
 }
 
 /* q_ij = int J_i grad N_j for the functions of one side that starts at `first` with `sign` in the jump. */
@@ -8993,8 +9456,8 @@ static void dgfemi_face_tractions(const dgfemi_face_frame *frame, int first, int
                 for (int k = 1; k < frame->count; k++) {
                     int lower = dgfemi_derivative_index(k, axis);
                     if (lower == DGFEM_NONE) continue;
-                    q[axis] += (dgfem_real)dgfemi_exponents[k][axis] * frame->jump[first + j][k] *
-                               frame->jump_gram[i][lower];
+                    q[axis] +=
+                        (dgfem_real)dgfemi_exponents[k][axis] * frame->jump[first + j][k] * frame->jump_gram[i][lower];
                 }
                 q[axis] *= sign / frame->scale;
             }
@@ -9011,13 +9474,18 @@ static dgfem_real dgfemi_face_penalty(const dgfem_mesh *mesh, const dgfemi_face_
     return g + dgfemi_patch_area(mesh, b, form->face) / mesh->elements[b].volume;
 }
 
+static void dgfemi_form_set_counts(const dgfem_body *body, dgfemi_face_form *form) {
+    int a = form->element[0], b = form->element[1];
+    form->count[0] = dgfem_monomial_count(body->degree[a]);
+    form->count[1] = dgfem_monomial_count(body->degree[b == DGFEM_NONE ? a : b]);
+}
+
 /* Fills in the integrals of a face whose members face, element, consistent, normal_only and condition are set. 0 when
    out of memory. */
 static int dgfemi_forms_set_face(const dgfem_body *body, dgfem_forms *forms, dgfemi_face_form *form) {
     dgfemi_face_frame frame;
-    int a = form->element[0], b = form->element[1];
-    form->count[0] = dgfem_monomial_count(body->degree[a]);
-    form->count[1] = dgfem_monomial_count(body->degree[b == DGFEM_NONE ? a : b]);
+    int b = form->element[1];
+    dgfemi_form_set_counts(body, form);
     if (!dgfemi_forms_take(forms, &body->hooks, dgfemi_face_form_size(form), &form->data)) return 0;
     dgfemi_face_frame_set(body, form, &frame);
     size_t square = dgfemi_form_sides(form) * dgfemi_form_sides(form);
@@ -9030,8 +9498,7 @@ static int dgfemi_forms_set_face(const dgfem_body *body, dgfem_forms *forms, dgf
         if (dgfemi_form_has_traction(form, s))
             dgfemi_face_tractions(&frame, s ? form->count[0] : 0, form->count[s], s ? DGFEM_R(-1) : DGFEM_R(1),
                                   dgfemi_form_traction(forms, form, s));
-    if (b == DGFEM_NONE)
-        memset(dgfemi_form_ghost(forms, form), 0, (size_t)form->count[1] * sizeof(dgfem_vec3));
+    if (b == DGFEM_NONE) memset(dgfemi_form_ghost(forms, form), 0, (size_t)form->count[1] * sizeof(dgfem_vec3));
     dgfem_real penalty = dgfemi_face_penalty(body->mesh, form) * (dgfem_real)(frame.degree * frame.degree);
     form->eta_stiff = body->desc.eta * penalty;
     form->eta_rest = body->desc.eta_rest * penalty;
@@ -9039,9 +9506,7 @@ static int dgfemi_forms_set_face(const dgfem_body *body, dgfem_forms *forms, dgf
     return 1;
 }
 
-/* A new face form, integrals included; its index, or DGFEM_NONE when out of memory. */
-static int dgfemi_forms_add_face(const dgfem_body *body, dgfem_forms *forms, int face, int condition,
-                                 int normal_only) {
+static dgfemi_face_form dgfemi_face_form_make(const dgfem_body *body, int face, int condition, int normal_only) {
     const dgfem_face *f = &body->mesh->faces[face];
     dgfemi_face_form form;
     memset(&form, 0, sizeof form);
@@ -9050,9 +9515,15 @@ static int dgfemi_forms_add_face(const dgfem_body *body, dgfem_forms *forms, int
     form.consistent = body->desc.flux == DGFEM_FLUX_IP;
     form.normal_only = normal_only;
     form.condition = condition;
+    return form;
+}
+
+/* A new face form, integrals included; its index, or DGFEM_NONE when out of memory. */
+static int dgfemi_forms_add_face(const dgfem_body *body, dgfem_forms *forms, int face, int condition, int normal_only) {
+    dgfemi_face_form form = dgfemi_face_form_make(body, face, condition, normal_only);
     if (forms->face_count == forms->face_capacity) {
-        void *grown = dgfemi_grow(&body->hooks, forms->faces, &forms->face_capacity, forms->face_count + 1,
-                                  sizeof *forms->faces);
+        void *grown =
+            dgfemi_grow(&body->hooks, forms->faces, &forms->face_capacity, forms->face_count + 1, sizeof *forms->faces);
         if (!grown) return DGFEM_NONE;
         forms->faces = (dgfemi_face_form *)grown;
     }
@@ -9072,18 +9543,41 @@ static void dgfemi_forms_remove_condition(dgfem_forms *forms, const dgfem_hooks 
     forms->face_count = kept;
 }
 
+static int dgfemi_face_is_glued(const dgfem_face *face) { return face->element[1] != DGFEM_NONE && !face->cut; }
+
+/* Room for exactly the elements and glued faces of a body. 0 when out of memory. */
+static int dgfemi_forms_reserve(const dgfem_body *body, dgfem_forms *forms) {
+    const dgfem_mesh *mesh = body->mesh;
+    size_t size = 0;
+    int faces = 0;
+    for (int e = 0; e < mesh->element_count; e++)
+        size += dgfemi_element_form_size(dgfem_monomial_count(body->degree[e]));
+    for (int f = 0; f < mesh->face_count; f++) {
+        if (!dgfemi_face_is_glued(&mesh->faces[f])) continue;
+        dgfemi_face_form form = dgfemi_face_form_make(body, f, DGFEM_NONE, 0);
+        dgfemi_form_set_counts(body, &form);
+        size += dgfemi_face_form_size(&form);
+        faces++;
+    }
+    forms->elements =
+        (dgfemi_element_form *)dgfemi_allocate(&body->hooks, (size_t)mesh->element_count, sizeof *forms->elements);
+    forms->faces = (dgfemi_face_form *)dgfemi_allocate(&body->hooks, (size_t)faces, sizeof *forms->faces);
+    forms->data = (dgfem_real *)dgfemi_allocate(&body->hooks, size, sizeof *forms->data);
+    if (!forms->elements || !forms->faces || !forms->data) return 0;
+    forms->face_capacity = faces;
+    forms->data_capacity = size;
+    return 1;
+}
+
 /* Integrals of all elements and glued faces; NULL when out of memory. */
 static dgfem_forms *dgfemi_forms_create(const dgfem_body *body) {
     const dgfem_mesh *mesh = body->mesh;
     dgfem_forms *forms = (dgfem_forms *)dgfemi_allocate_zero(&body->hooks, 1, sizeof *forms);
     if (!forms) return NULL;
-    int ok = 1;
-    forms->elements = (dgfemi_element_form *)dgfemi_allocate(&body->hooks, (size_t)mesh->element_count,
-                                                             sizeof *forms->elements);
-    if (!forms->elements) ok = 0;
+    int ok = dgfemi_forms_reserve(body, forms);
     for (int e = 0; ok && e < mesh->element_count; e++) ok = dgfemi_forms_set_element(body, forms, e);
     for (int f = 0; ok && f < mesh->face_count; f++)
-        if (mesh->faces[f].element[1] != DGFEM_NONE && !mesh->faces[f].cut)
+        if (dgfemi_face_is_glued(&mesh->faces[f]))
             ok = dgfemi_forms_add_face(body, forms, f, DGFEM_NONE, 0) != DGFEM_NONE;
     if (ok) return forms;
     dgfemi_forms_destroy(forms, &body->hooks);
@@ -9092,33 +9586,27 @@ static dgfem_forms *dgfemi_forms_create(const dgfem_body *body) {
 
 /* ---- prescribed displacements ---- */
 
-/* Fits the prescribed field on a held face by a polynomial of the face's degree about its centre: least squares over
-   lattice points of the fan triangles, exact for every polynomial of that degree. The fit lives in the plane, with the
-   axes of the face, so that the normal direction does not make it singular. */
+/* Fits the prescribed field on a held face by a polynomial of the element's degree about the face's centre: least
+   squares over lattice points of the fan triangles, exact for every polynomial of that degree. The fit lives in the
+   plane, along the face's axes of inertia and scaled with its extents, so that neither the normal direction nor a thin
+   face make it singular; of what they still leave undetermined, single functions are dropped. */
 typedef struct dgfemi_face_fit {
-    dgfem_vec3 centre, axis[2], normal;
-    dgfem_real radius;
+    dgfem_vec3 centre, axis[2];
+    dgfem_real scale;
     int degree, count; /* in-plane monomials: 3, 6, 10 */
-    dgfem_real gram[10 * 10];
-    dgfem_real rhs[10 * 3];
+    dgfem_real gram[DGFEM_MAX_PLANE_BASIS * DGFEM_MAX_PLANE_BASIS];
+    dgfem_real rhs[DGFEM_MAX_PLANE_BASIS * 3];
 } dgfemi_face_fit;
 
-static void dgfemi_face_fit_basis(const dgfemi_face_fit *fit, dgfem_vec3 x, dgfem_real *values) {
-    dgfem_vec3 d = dgfemi_scale(1 / fit->radius, dgfemi_sub(x, fit->centre));
-    dgfem_real u = dgfemi_dot(fit->axis[0], d), v = dgfemi_dot(fit->axis[1], d);
-    int k = 0;
-    for (int p = 0; p <= fit->degree; p++)
-        for (int i = p; i >= 0; i--) {
-            values[k] = 1;
-            for (int a = 0; a < i; a++) values[k] *= u;
-            for (int a = 0; a < p - i; a++) values[k] *= v;
-            k++;
-        }
-}
-
 static void dgfemi_face_fit_sample(dgfemi_face_fit *fit, dgfem_vec3 x, dgfem_vec3 value) {
-    dgfem_real b[10];
-    dgfemi_face_fit_basis(fit, x, b);
+    dgfem_vec3 d = dgfemi_scale(1 / fit->scale, dgfemi_sub(x, fit->centre));
+    dgfem_real u = dgfemi_dot(fit->axis[0], d), v = dgfemi_dot(fit->axis[1], d), b[DGFEM_MAX_PLANE_BASIS];
+    int count = 1;
+    b[0] = 1;
+    for (int p = 1; p <= fit->degree; p++) {
+        int lower = count - p; /* the monomials of degree p - 1 */
+        for (int j = 0; j <= p; j++) b[count++] = j < p ? u * b[lower + j] : v * b[lower + p - 1];
+    }
     for (int i = 0; i < fit->count; i++) {
         for (int j = 0; j < fit->count; j++) fit->gram[i * fit->count + j] += b[i] * b[j];
         fit->rhs[i * 3] += b[i] * value.x;
@@ -9127,38 +9615,20 @@ static void dgfemi_face_fit_sample(dgfemi_face_fit *fit, dgfem_vec3 x, dgfem_vec
     }
 }
 
-/* In-plane monomial u^i v^j as a polynomial in face monomials: (axis0 . m)^i (axis1 . m)^j by repeated products. */
-static void dgfemi_face_fit_expand(const dgfemi_face_fit *fit, int i, int j, dgfem_real *out) {
-    int factors = i + j, n = dgfem_monomial_count(factors);
-    memset(out, 0, DGFEM_MAX_BASIS * sizeof *out);
-    out[0] = 1;
-    for (int f = 0; f < factors; f++) {
-        dgfem_vec3 axis = fit->axis[f < i ? 0 : 1];
-        dgfem_real next[DGFEM_MAX_BASIS];
-        memset(next, 0, sizeof next);
-        for (int k = 0; k < n; k++)
-            for (int a = 0; a < 3 && out[k] != 0; a++)
-                next[dgfemi_product_index(k, 1 + a)] += out[k] * dgfemi_axis(axis, a);
-        memcpy(out, next, sizeof next);
-    }
-}
-
-static void dgfemi_face_fit_frame(const dgfem_mesh *mesh, const dgfem_face *face, int degree, dgfemi_face_fit *fit) {
+static void dgfemi_face_fit_frame(const dgfem_mesh *mesh, int face, int degree, dgfemi_face_fit *fit) {
+    dgfem_real moments[DGFEM_MAX_MOMENTS];
     memset(fit, 0, sizeof *fit);
-    fit->centre = face->centre;
-    fit->normal = face->normal;
-    fit->radius = dgfemi_face_radius(mesh, face);
+    fit->centre = mesh->faces[face].centre;
+    fit->scale = dgfemi_face_radius(mesh, &mesh->faces[face]);
     fit->degree = degree;
     fit->count = (degree + 1) * (degree + 2) / 2;
-    dgfem_vec3 n = face->normal;
-    dgfem_vec3 aside = dgfemi_abs(n.x) < DGFEM_R(0.6) ? dgfemi_vec3(1, 0, 0) : dgfemi_vec3(0, 1, 0);
-    fit->axis[0] = dgfemi_normalized(dgfemi_cross(n, aside));
-    fit->axis[1] = dgfemi_cross(n, fit->axis[0]);
+    dgfemi_mesh_face_moments(mesh, face, 2, fit->centre, fit->scale, moments);
+    dgfemi_face_axes(moments, mesh->faces[face].normal, fit->axis);
 }
 
 /* Samples the field on a lattice of every triangle (centre, p, q) of the face's loops. */
 static void dgfemi_face_fit_samples(const dgfem_mesh *mesh, const dgfem_face *face, dgfemi_face_fit *fit,
-                               dgfem_displacement_fn fn, void *user) {
+                                    dgfem_displacement_fn fn, void *user) {
     int steps = fit->degree + 1;
     for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++) {
         dgfem_loop loop = mesh->loops[l];
@@ -9178,33 +9648,24 @@ static void dgfemi_face_fit_samples(const dgfem_mesh *mesh, const dgfem_face *fa
     }
 }
 
-/* Sets the ghost of a held face to the field. DGFEM_ERROR_NOT_FINITE where the field is; a face too thin for the fit
-   takes the mean. */
-static dgfem_status dgfemi_forms_set_ghost(const dgfem_body *body, const dgfemi_face_form *form,
-                                           dgfem_displacement_fn fn, void *user, dgfem_vec3 *ghost) {
-    const dgfem_face *face = &body->mesh->faces[form->face];
+/* ghost[form->count[1]] = the fit of a field on a held face. DGFEM_ERROR_NOT_FINITE where the field is. */
+static dgfem_status dgfemi_fit_ghost(const dgfem_body *body, const dgfemi_face_form *form, dgfem_displacement_fn fn,
+                                     void *user, dgfem_vec3 *ghost) {
+    dgfem_real basis[DGFEM_MAX_PLANE_BASIS][DGFEM_MAX_BASIS];
     dgfemi_face_fit fit;
-    dgfem_real expanded[DGFEM_MAX_BASIS];
-    dgfemi_face_fit_frame(body->mesh, face, body->degree[form->element[0]], &fit);
-    dgfemi_face_fit_samples(body->mesh, face, &fit, fn, user);
+    dgfemi_face_fit_frame(body->mesh, form->face, body->degree[form->element[0]], &fit);
+    dgfemi_face_fit_samples(body->mesh, &body->mesh->faces[form->face], &fit, fn, user);
     for (int i = 0; i < fit.count * 3; i++)
         if (!dgfemi_is_finite(fit.rhs[i]))
             return dgfemi_fail(&body->hooks, DGFEM_ERROR_NOT_FINITE, "prescribed displacement on face %d", form->face);
-    dgfem_real samples = fit.gram[0];
-    dgfem_vec3 mean = dgfemi_scale(1 / samples, dgfemi_vec3(fit.rhs[0], fit.rhs[1], fit.rhs[2]));
-    memset(ghost, 0, (size_t)form->count[1] * sizeof *ghost);
-    if (!dgfemi_cholesky_dense(fit.gram, fit.count)) {
-        ghost[0] = mean;
-        return DGFEM_OK;
-    }
+    dgfemi_cholesky_dropping(fit.gram, fit.count);
     dgfemi_cholesky_dense_solve(fit.gram, fit.count, fit.rhs, 3);
-    int m = 0;
-    for (int p = 0; p <= fit.degree; p++)
-        for (int i = p; i >= 0; i--, m++) {
-            dgfemi_face_fit_expand(&fit, i, p - i, expanded);
-            dgfem_vec3 c = dgfemi_vec3(fit.rhs[3 * m], fit.rhs[3 * m + 1], fit.rhs[3 * m + 2]);
-            for (int k = 0; k < form->count[1]; k++) ghost[k] = dgfemi_add_scaled(ghost[k], expanded[k], c);
-        }
+    (void)dgfemi_plane_basis(fit.axis, fit.degree, basis);
+    memset(ghost, 0, (size_t)form->count[1] * sizeof *ghost);
+    for (int m = 0; m < fit.count; m++) {
+        dgfem_vec3 c = dgfemi_vec3(fit.rhs[3 * m], fit.rhs[3 * m + 1], fit.rhs[3 * m + 2]);
+        for (int k = 0; k < form->count[1]; k++) ghost[k] = dgfemi_add_scaled(ghost[k], basis[m][k], c);
+    }
     return DGFEM_OK;
 }
 
@@ -11402,8 +11863,8 @@ static void dgfemi_vector_add(int count, dgfem_real s, const dgfem_real *x, dgfe
 /* ---- block-Jacobi ---- */
 
 /* From L with A = L L^T (lower half, row-major) to the whole of A^-1 = L^-T L^-1, in place. */
-static void dgfemi_invert_from_cholesky(dgfem_real *a, int n) {
-    int i, j, k;
+static void dgfemi_invert_from_cholesky(dgfem_real *a, int size) {
+    size_t n = (size_t)size, i, j, k;
     for (j = 0; j < n; j++) { /* column j of L^-1: the columns behind it are still those of L */
         a[j * n + j] = 1 / a[j * n + j];
         for (i = j + 1; i < n; i++) {
@@ -11870,6 +12331,21 @@ static dgfemi_location dgfemi_locate(dgfemi_locator *locator, dgfem_vec3 x) {
         if (location.element != DGFEM_NONE && location.distance < margin + (dgfem_real)ring * locator->cell) break;
     }
     DGFEM_ASSERT(location.element != DGFEM_NONE);
+    return location;
+}
+
+/* Where x lies with respect to one element. */
+static dgfemi_location dgfemi_locate_in(const dgfem_mesh *mesh, int element, dgfem_vec3 x) {
+    const dgfem_element *e = &mesh->elements[element];
+    dgfemi_location location;
+    location.element = element, location.distance = 0, location.nearest = x;
+    if (dgfemi_element_contains(mesh, element, x)) return location;
+    location.distance = -1;
+    for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+        dgfem_vec3 p = dgfemi_face_nearest(mesh, &mesh->faces[mesh->element_faces[k]], x);
+        dgfem_real distance = dgfemi_distance(p, x);
+        if (location.distance < 0 || distance < location.distance) location.distance = distance, location.nearest = p;
+    }
     return location;
 }
 
@@ -12573,9 +13049,10 @@ static dgfem_status dgfemi_embedding_read_points(dgfem_embedding *embedding, con
     return DGFEM_OK;
 }
 
-/* Samples, locations and weights, with temporary memory from the arena. 1 on success, 0 when out of memory. */
+/* Samples, locations and weights, with temporary memory from the arena. homes[p]: the element from which point p is
+   reached, wherever it lies; DGFEM_NONE: the nearest one; homes may be NULL. 1 on success, 0 when out of memory. */
 static int dgfemi_embedding_build(dgfemi_arena *arena, const dgfem_body *body, const dgfem_corners *corners,
-                                  dgfem_embedding *embedding) {
+                                  const int *homes, dgfem_embedding *embedding) {
     dgfemi_locator locator;
     dgfemi_sampling sampling;
     dgfemi_query query;
@@ -12591,9 +13068,11 @@ static int dgfemi_embedding_build(dgfemi_arena *arena, const dgfem_body *body, c
     enlarge = (char *)dgfemi_arena_allocate(arena, (size_t)embedding->sample_count, 1);
     if (!windows || !open || !enlarge) return 0;
     for (int p = 0; p < embedding->point_count; p++) {
-        dgfemi_location location = dgfemi_locate(&locator, embedding->points[p]);
+        dgfem_vec3 x = embedding->points[p];
+        dgfemi_location location = homes && homes[p] != DGFEM_NONE ? dgfemi_locate_in(body->mesh, homes[p], x)
+                                                                   : dgfemi_locate(&locator, x);
         embedding->point_element[p] = location.element;
-        windows[p] = dgfemi_window_position(body->mesh, &location, embedding->points[p]);
+        windows[p] = dgfemi_window_position(body->mesh, &location, x);
     }
     dgfemi_enlarge_windows(&query, embedding, windows, open, enlarge);
     return dgfemi_embedding_weigh(&query, embedding, windows);
@@ -12624,8 +13103,8 @@ static dgfem_embedding *dgfemi_embedding_new(const dgfem_body *body, const dgfem
     return embedding;
 }
 
-static dgfem_status dgfemi_embedding_create(const dgfem_body *body, const dgfem_points_in *points,
-                                            const dgfem_hooks *hooks, dgfem_embedding **out) {
+static dgfem_status dgfemi_embedding_create_at(const dgfem_body *body, const dgfem_points_in *points, const int *homes,
+                                               const dgfem_hooks *hooks, dgfem_embedding **out) {
     dgfem_embedding *embedding = dgfemi_embedding_new(body, hooks);
     dgfem_corners *corners = NULL;
     dgfemi_arena arena = dgfemi_arena_make(hooks);
@@ -12633,7 +13112,7 @@ static dgfem_status dgfemi_embedding_create(const dgfem_body *body, const dgfem_
     if (!embedding) return dgfemi_fail_memory(hooks);
     status = dgfemi_embedding_read_points(embedding, points);
     if (status == DGFEM_OK) status = dgfem_mesh_corners(body->mesh, &corners);
-    if (status == DGFEM_OK && !dgfemi_embedding_build(&arena, body, corners, embedding))
+    if (status == DGFEM_OK && !dgfemi_embedding_build(&arena, body, corners, homes, embedding))
         status = dgfemi_fail_memory(hooks);
     dgfemi_arena_free(&arena);
     dgfem_corners_destroy(corners);
@@ -12643,6 +13122,11 @@ static dgfem_status dgfemi_embedding_create(const dgfem_body *body, const dgfem_
     }
     *out = embedding;
     return DGFEM_OK;
+}
+
+static dgfem_status dgfemi_embedding_create(const dgfem_body *body, const dgfem_points_in *points,
+                                            const dgfem_hooks *hooks, dgfem_embedding **out) {
+    return dgfemi_embedding_create_at(body, points, NULL, hooks, out);
 }
 
 DGFEM_API dgfem_status dgfem_embedding_create(const dgfem_body *body, dgfem_points_in points, dgfem_embedding **out) {
@@ -12920,8 +13404,7 @@ static dgfem_status dgfemi_contacts_renew(const dgfem_contacts *old, const dgfem
 
 /* ---- one contact ---- */
 
-/* Signed distance of x from the shape, positive where the body may be, and the direction in which it grows. */
-static dgfem_real dgfemi_shape_distance(const dgfem_shape *shape, dgfem_vec3 x, dgfem_vec3 *normal) {
+DGFEM_API dgfem_real dgfem_shape_distance(const dgfem_shape *shape, dgfem_vec3 x, dgfem_vec3 *normal) {
     const dgfem_shape_desc *desc = &shape->desc;
     if (shape->kind == DGFEM_SHAPE_PLANE) {
         dgfem_real length = dgfemi_norm(desc->plane.normal);
@@ -12949,7 +13432,7 @@ static int dgfemi_contact_is_active(const dgfem_shape *shape, dgfem_vec3 x, dgfe
                                     dgfem_real dt, dgfemi_contact *contact) {
     dgfem_vec3 relative = dgfemi_sub(v, shape->desc.velocity);
     dgfem_real delay = dt;
-    contact->depth = -dgfemi_shape_distance(shape, x, &contact->normal);
+    contact->depth = -dgfem_shape_distance(shape, x, &contact->normal);
     if (contact->depth > 0) {
         relative = dgfemi_add_scaled(relative, dt, gravity);
         delay += shape->desc.damping;
@@ -13140,9 +13623,9 @@ static int dgfemi_contacts_assemble(dgfem_contacts *contacts, const dgfem_body *
 
 /* ---- rotations ---- */
 
-/* Mean deformation gradient of an element: I + (1/V) int grad u. For degrees 1 and 2 the mean of quadratic terms'
-   gradients vanishes at the centroid; cubic ones need the element's moments, which the mass row of linear functions
-   holds: int (d_a N_j) is a moment of degree 2. */
+/* Mean deformation gradient of an element: I + (1/V) int grad u. A derivative of a function is a multiple of another,
+   so its integral is a multiple of a moment, which the load vector holds. About the centroid those of degree 1 vanish:
+   only linear and cubic functions contribute. */
 static dgfem_mat3 dgfemi_mean_gradient(const dgfem_body *body, int element) {
     const dgfemi_element_form *form = &body->forms->elements[element];
     const dgfem_vec3 *u = body->displacement + body->basis_start[element];
@@ -13196,20 +13679,25 @@ static void dgfemi_rotated_rest(const dgfem_mat3 *r, dgfem_real scale, dgfem_vec
 
 /* ---- blocks ---- */
 
-/* lambda u v^T + mu v u^T + mu (u.v) I */
-static dgfem_mat3 dgfemi_elastic_block(dgfem_real lambda, dgfem_real mu, dgfem_vec3 u, dgfem_vec3 v) {
-    dgfem_mat3 a;
+/* k += lambda u v^T + mu v u^T + mu (u.v) I */
+static void dgfemi_add_elastic(dgfem_real lambda, dgfem_real mu, dgfem_vec3 u, dgfem_vec3 v, dgfem_mat3 *k) {
     dgfem_real d = mu * dgfemi_dot(u, v);
-    a.m[0][0] = (lambda + mu) * u.x * v.x + d;
-    a.m[1][1] = (lambda + mu) * u.y * v.y + d;
-    a.m[2][2] = (lambda + mu) * u.z * v.z + d;
-    a.m[0][1] = lambda * u.x * v.y + mu * v.x * u.y;
-    a.m[1][0] = lambda * u.y * v.x + mu * v.y * u.x;
-    a.m[0][2] = lambda * u.x * v.z + mu * v.x * u.z;
-    a.m[2][0] = lambda * u.z * v.x + mu * v.z * u.x;
-    a.m[1][2] = lambda * u.y * v.z + mu * v.y * u.z;
-    a.m[2][1] = lambda * u.z * v.y + mu * v.z * u.y;
-    return a;
+    k->m[0][0] += (lambda + mu) * u.x * v.x + d;
+    k->m[1][1] += (lambda + mu) * u.y * v.y + d;
+    k->m[2][2] += (lambda + mu) * u.z * v.z + d;
+    k->m[0][1] += lambda * u.x * v.y + mu * v.x * u.y;
+    k->m[1][0] += lambda * u.y * v.x + mu * v.y * u.x;
+    k->m[0][2] += lambda * u.x * v.z + mu * v.x * u.z;
+    k->m[2][0] += lambda * u.z * v.x + mu * v.z * u.x;
+    k->m[1][2] += lambda * u.y * v.z + mu * v.y * u.z;
+    k->m[2][1] += lambda * u.z * v.y + mu * v.z * u.y;
+}
+
+/* That times a vector w. */
+static dgfem_vec3 dgfemi_elastic_image(dgfem_real lambda, dgfem_real mu, dgfem_vec3 u, dgfem_vec3 v, dgfem_vec3 w) {
+    dgfem_vec3 image = dgfemi_scale(lambda * dgfemi_dot(v, w), u);
+    image = dgfemi_add_scaled(image, mu * dgfemi_dot(u, w), v);
+    return dgfemi_add_scaled(image, mu * dgfemi_dot(u, v), w);
 }
 
 /* K'_ij of an element, i, j >= 1. */
@@ -13226,16 +13714,26 @@ static dgfem_mat3 dgfemi_element_block(const dgfem_real *g, dgfem_real lambda, d
     return k;
 }
 
+/* The unrotated K_ij times a vector. */
+static dgfem_vec3 dgfemi_element_image(const dgfem_real *g, dgfem_real lambda, dgfem_real mu, dgfem_vec3 v) {
+    dgfem_mat3 moment;
+    memcpy(&moment, g, sizeof moment);
+    dgfem_vec3 image = dgfemi_scale(lambda, dgfemi_multiply(&moment, v));
+    image = dgfemi_add_scaled(image, mu, dgfemi_multiply_transposed(&moment, v));
+    return dgfemi_add_scaled(image, mu * dgfemi_trace(&moment), v);
+}
+
 /* A face's form with today's rotations. */
 typedef struct dgfemi_warped_face {
     const dgfemi_face_form *form;
-    int sides;                     /* functions of both sides */
+    int sides; /* functions of both sides */
     const dgfem_real *stiff, *rest;
     dgfem_mat3 penalty_stiff, penalty_rest;
-    dgfem_vec3 normal[2];          /* rotated with each side */
-    dgfem_vec3 held;               /* the direction held where it is only one: the normal at rest, fixed in space */
-    dgfem_real lambda[2], mu[2];   /* times -weight */
-    dgfem_vec3 traction[2][2 * DGFEM_MAX_BASIS][DGFEM_MAX_BASIS - 1]; /* q' of each side */
+    dgfem_vec3 normal[2];        /* rotated with each side */
+    dgfem_vec3 held;             /* the direction held where it is only one: the normal at rest, fixed in space */
+    dgfem_real lambda[2], mu[2]; /* times -weight */
+    dgfem_vec3 traction[2][2 * DGFEM_MAX_BASIS * (DGFEM_MAX_BASIS - 1)]; /* q' of each side s: row i, column j - 1 of
+                                                                            form->count[s] - 1 */
 } dgfemi_warped_face;
 
 /* s (a I + b N) */
@@ -13258,8 +13756,7 @@ static void dgfemi_warp_face_penalty(const dgfem_body *body, dgfemi_warped_face 
     dgfemi_add_outer(&n, DGFEM_R(0.5), face->normal[1], face->normal[1]);
     if (body->desc.penalty == DGFEM_PENALTY_SCALAR)
         face->penalty_stiff = dgfemi_penalty_block(form->eta_stiff, lambda + 2 * mu, 0, &n);
-    else
-        face->penalty_stiff = dgfemi_penalty_block(form->eta_stiff, mu, lambda + mu, &n);
+    else face->penalty_stiff = dgfemi_penalty_block(form->eta_stiff, mu, lambda + mu, &n);
     face->penalty_rest = dgfemi_penalty_block(form->eta_rest * mu, 1, 1, &n);
     if (!form->normal_only) return;
     memset(&n, 0, sizeof n);
@@ -13286,45 +13783,68 @@ static void dgfemi_warp_face(const dgfem_body *body, const dgfemi_face_form *for
         face->mu[s] = -form->weight * dgfemi_mu(m);
         if (!dgfemi_form_has_traction(form, s)) continue;
         const dgfem_vec3 *q = dgfemi_form_traction(forms, form, s);
-        for (int i = 0; i < face->sides; i++)
-            for (int j = 0; j < form->count[s] - 1; j++) face->traction[s][i][j] = dgfemi_multiply(r, *q++);
+        int count = face->sides * (form->count[s] - 1);
+        for (int k = 0; k < count; k++) face->traction[s][k] = dgfemi_multiply(r, q[k]);
     }
     dgfemi_warp_face_penalty(body, face);
 }
 
-/* K1'_ij: i counts the functions of both sides, j >= 1 those of side s. */
-static dgfem_mat3 dgfemi_consistency_block(const dgfemi_warped_face *face, int s, int i, int j) {
-    dgfem_mat3 k = dgfemi_elastic_block(face->lambda[s], face->mu[s], face->normal[s], face->traction[s][i][j - 1]);
-    if (!face->form->normal_only) return k;
-    dgfem_mat3 held;
-    memset(&held, 0, sizeof held);
-    dgfemi_add_outer(&held, 1, face->held, dgfemi_multiply_transposed(&k, face->held));
-    return held;
+/* q^s_ij rotated: i counts the functions of both sides, j >= 1 those of side s. */
+static dgfem_vec3 dgfemi_face_traction(const dgfemi_warped_face *face, int s, int i, int j) {
+    return face->traction[s][i * (face->form->count[s] - 1) + j - 1];
 }
 
-/* P_ij S_stiff + Q_ij S_rest: i and j count the functions of both sides. */
-static dgfem_mat3 dgfemi_jump_block(const dgfemi_warped_face *face, int i, int j) {
-    dgfem_real p = face->stiff[i * face->sides + j], q = face->rest[i * face->sides + j];
-    dgfem_mat3 k;
-    for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) k.m[a][b] = p * face->penalty_stiff.m[a][b] + q * face->penalty_rest.m[a][b];
-    return k;
+/* Row vector of K1'_ij where only the component along `held` is kept: K1'_ij = held w^T. */
+static dgfem_vec3 dgfemi_held_row(const dgfemi_warped_face *face, int s, dgfem_vec3 q) {
+    return dgfemi_elastic_image(face->lambda[s], face->mu[s], q, face->normal[s], face->held);
+}
+
+/* k += K1'_ij, with q the traction vector of i and j */
+static void dgfemi_add_consistency(const dgfemi_warped_face *face, int s, dgfem_vec3 q, dgfem_mat3 *k) {
+    if (face->form->normal_only) dgfemi_add_outer(k, 1, face->held, dgfemi_held_row(face, s, q));
+    else dgfemi_add_elastic(face->lambda[s], face->mu[s], face->normal[s], q, k);
+}
+
+/* k += K1'_ij^T */
+static void dgfemi_add_adjoint(const dgfemi_warped_face *face, int s, dgfem_vec3 q, dgfem_mat3 *k) {
+    if (face->form->normal_only) dgfemi_add_outer(k, 1, dgfemi_held_row(face, s, q), face->held);
+    else dgfemi_add_elastic(face->lambda[s], face->mu[s], q, face->normal[s], k);
+}
+
+/* K1'_ij v */
+static dgfem_vec3 dgfemi_consistency_image(const dgfemi_warped_face *face, int s, dgfem_vec3 q, dgfem_vec3 v) {
+    if (face->form->normal_only) return dgfemi_scale(dgfemi_dot(dgfemi_held_row(face, s, q), v), face->held);
+    return dgfemi_elastic_image(face->lambda[s], face->mu[s], face->normal[s], q, v);
+}
+
+/* K1'_ij^T v */
+static dgfem_vec3 dgfemi_adjoint_image(const dgfemi_warped_face *face, int s, dgfem_vec3 q, dgfem_vec3 v) {
+    if (face->form->normal_only) return dgfemi_scale(dgfemi_dot(face->held, v), dgfemi_held_row(face, s, q));
+    return dgfemi_elastic_image(face->lambda[s], face->mu[s], q, face->normal[s], v);
+}
+
+/* sum_j (P_ij S_stiff + Q_ij S_rest) u_j over the functions of side s; i counts those of both sides. */
+static dgfem_vec3 dgfemi_jump_image(const dgfemi_warped_face *face, int i, int s, const dgfem_vec3 *u) {
+    int first = i * face->sides + (s ? face->form->count[0] : 0);
+    dgfem_vec3 stiff = dgfemi_vec3(0, 0, 0), rest = stiff;
+    for (int j = 0; j < face->form->count[s]; j++) {
+        stiff = dgfemi_add_scaled(stiff, face->stiff[first + j], u[j]);
+        rest = dgfemi_add_scaled(rest, face->rest[first + j], u[j]);
+    }
+    return dgfemi_add(dgfemi_multiply(&face->penalty_stiff, stiff), dgfemi_multiply(&face->penalty_rest, rest));
 }
 
 /* K'_ij of a face with i a function of side r and j one of side s (both counted within their side). */
 static dgfem_mat3 dgfemi_face_block(const dgfemi_warped_face *face, int r, int i, int s, int j) {
     int row = r ? face->form->count[0] + i : i, column = s ? face->form->count[0] + j : j;
-    dgfem_mat3 k = dgfemi_jump_block(face, row, column);
-    if (j > 0 && dgfemi_form_has_traction(face->form, s)) {
-        dgfem_mat3 k1 = dgfemi_consistency_block(face, s, row, j);
-        for (int a = 0; a < 3; a++)
-            for (int b = 0; b < 3; b++) k.m[a][b] += k1.m[a][b];
-    }
-    if (i > 0 && dgfemi_form_has_traction(face->form, r)) {
-        dgfem_mat3 k1 = dgfemi_consistency_block(face, r, column, i);
-        for (int a = 0; a < 3; a++)
-            for (int b = 0; b < 3; b++) k.m[a][b] += k1.m[b][a];
-    }
+    dgfem_real p = face->stiff[row * face->sides + column], q = face->rest[row * face->sides + column];
+    dgfem_mat3 k;
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) k.m[a][b] = p * face->penalty_stiff.m[a][b] + q * face->penalty_rest.m[a][b];
+    if (j > 0 && dgfemi_form_has_traction(face->form, s))
+        dgfemi_add_consistency(face, s, dgfemi_face_traction(face, s, row, j), &k);
+    if (i > 0 && dgfemi_form_has_traction(face->form, r))
+        dgfemi_add_adjoint(face, r, dgfemi_face_traction(face, r, column, i), &k);
     return k;
 }
 
@@ -13337,38 +13857,58 @@ static void dgfemi_add_block(dgfem_real *out, int columns, int i, int j, dgfem_r
         for (int q = 0; q < 3; q++) row[q] += s * a->m[p][q];
 }
 
-static void dgfemi_add_image(dgfem_vec3 *out, const dgfem_mat3 *a, dgfem_vec3 v) {
-    *out = dgfemi_add(*out, dgfemi_multiply(a, v));
+/* The same for a^T. */
+static void dgfemi_add_block_transposed(dgfem_real *out, int columns, int i, int j, dgfem_real s, const dgfem_mat3 *a) {
+    dgfem_real *row = out + 3 * i * columns + 3 * j;
+    for (int p = 0; p < 3; p++, row += columns)
+        for (int q = 0; q < 3; q++) row[q] += s * a->m[q][p];
 }
 
+/* K_w of an element is symmetric: its upper half mirrors the lower one. */
 static void dgfemi_assemble_element(const dgfem_body *body, int element, const dgfem_mat3 *r, dgfem_real s,
-                                    dgfem_matrix *matrix, dgfem_vec3 *f0) {
+                                    dgfem_matrix *matrix) {
     const dgfemi_element_form *form = &body->forms->elements[element];
     const dgfem_real *g = dgfemi_form_stiffness(body->forms, element);
     const dgfem_material *m = &body->material[element];
     dgfem_real lambda = dgfemi_lambda(m), mu = dgfemi_mu(m);
     dgfem_real *out = dgfem_matrix_block(matrix, element, element);
     dgfem_mat3 rt = dgfemi_transposed(r);
-    dgfem_vec3 rest[3];
-    dgfemi_rotated_rest(r, body->scale[element], rest);
-    f0 += body->basis_start[element];
     for (int i = 1; i < form->count; i++)
-        for (int j = 1; j < form->count; j++, g += 9) {
-            dgfem_mat3 k = dgfemi_element_block(g, lambda, mu, r, &rt);
+        for (int j = 1; j <= i; j++) {
+            dgfem_mat3 k = dgfemi_element_block(g + 9 * ((i - 1) * (form->count - 1) + j - 1), lambda, mu, r, &rt);
             dgfemi_add_block(out, 3 * form->count, i, j, s, &k);
-            if (j <= 3) dgfemi_add_image(&f0[i], &k, rest[j - 1]);
+            if (j < i) dgfemi_add_block_transposed(out, 3 * form->count, j, i, s, &k);
         }
 }
 
-/* One of the four blocks of a face: rows of side r, columns of side s. */
+/* f0 of an element, in its own frame until the end: R K R^T (R - I) X0 = R K (I - R^T) X0. */
+static void dgfemi_element_rest_force(const dgfem_body *body, int element, const dgfem_mat3 *r, dgfem_vec3 *f0) {
+    const dgfemi_element_form *form = &body->forms->elements[element];
+    const dgfem_real *g = dgfemi_form_stiffness(body->forms, element);
+    const dgfem_material *m = &body->material[element];
+    dgfem_real lambda = dgfemi_lambda(m), mu = dgfemi_mu(m);
+    dgfem_vec3 rest[3];
+    dgfemi_rotated_rest(r, body->scale[element], rest);
+    for (int j = 0; j < 3; j++) rest[j] = dgfemi_multiply_transposed(r, rest[j]);
+    f0 += body->basis_start[element];
+    for (int i = 1; i < form->count; i++, g += 9 * (form->count - 1)) {
+        dgfem_vec3 sum = dgfemi_vec3(0, 0, 0);
+        for (int j = 0; j < 3; j++) sum = dgfemi_add(sum, dgfemi_element_image(g + 9 * j, lambda, mu, rest[j]));
+        f0[i] = dgfemi_add(f0[i], dgfemi_multiply(r, sum));
+    }
+}
+
+/* One of the four blocks of a face: rows of side r, columns of side s. Those on the diagonal are symmetric. */
 static void dgfemi_assemble_quadrant(const dgfemi_warped_face *face, int r, int s, dgfem_real scale,
                                      dgfem_matrix *matrix) {
     const dgfemi_face_form *form = face->form;
+    int columns = 3 * form->count[s];
     dgfem_real *out = dgfem_matrix_block(matrix, form->element[r], form->element[s]);
     for (int i = 0; i < form->count[r]; i++)
-        for (int j = 0; j < form->count[s]; j++) {
+        for (int j = 0; j < (r == s ? i + 1 : form->count[s]); j++) {
             dgfem_mat3 k = dgfemi_face_block(face, r, i, s, j);
-            dgfemi_add_block(out, 3 * form->count[s], i, j, scale, &k);
+            dgfemi_add_block(out, columns, i, j, scale, &k);
+            if (r == s && j < i) dgfemi_add_block_transposed(out, columns, j, i, scale, &k);
         }
 }
 
@@ -13383,33 +13923,39 @@ static void dgfemi_face_rest_force(const dgfem_body *body, const dgfemi_warped_f
         dgfem_vec3 *out = f0 + body->basis_start[form->element[r]];
         for (int i = 0; i < form->count[r]; i++)
             for (int j = 1; j <= 3; j++) {
-                dgfem_mat3 k = dgfemi_consistency_block(face, s, r ? form->count[0] + i : i, j);
-                dgfemi_add_image(&out[i], &k, rest[j - 1]);
+                dgfem_vec3 q = dgfemi_face_traction(face, s, r ? form->count[0] + i : i, j);
+                out[i] = dgfemi_add(out[i], dgfemi_consistency_image(face, s, q, rest[j - 1]));
             }
     }
 }
 
 /* Right-hand side of a held face: minus the column of the ghost times the prescribed displacement. */
-static void dgfemi_held_force(const dgfem_body *body, const dgfemi_warped_face *face, dgfem_real load, dgfem_vec3 *f) {
+static void dgfemi_held_force(const dgfem_body *body, const dgfemi_warped_face *face, dgfem_real factor,
+                              dgfem_vec3 *f) {
     const dgfemi_face_form *form = face->form;
     const dgfem_vec3 *ghost = dgfemi_form_ghost(body->forms, form);
     f += body->basis_start[form->element[0]];
-    for (int i = 0; i < form->count[0]; i++)
-        for (int j = 0; j < form->count[1]; j++) {
-            dgfem_mat3 k = dgfemi_face_block(face, 0, i, 1, j);
-            dgfemi_add_image(&f[i], &k, dgfemi_scale(-load, ghost[j]));
+    for (int i = 0; i < form->count[0]; i++) {
+        dgfem_vec3 sum = dgfemi_jump_image(face, i, 1, ghost);
+        for (int j = 0; j < form->count[1] && i > 0 && dgfemi_form_has_traction(form, 0); j++) {
+            dgfem_vec3 q = dgfemi_face_traction(face, 0, form->count[0] + j, i);
+            sum = dgfemi_add(sum, dgfemi_adjoint_image(face, 0, q, ghost[j]));
         }
+        f[i] = dgfemi_add_scaled(f[i], -factor, sum);
+    }
 }
 
-/* matrix = scale * K_w, f0 = warping's force plus `load` times the force of prescribed displacements. */
-static void dgfemi_assemble_stiffness(const dgfem_body *body, const dgfem_mat3 *rotation, dgfem_real scale, dgfem_real load,
-                            dgfem_matrix *matrix, dgfem_vec3 *f0) {
+/* matrix = scale * K_w; f0 (may be NULL) = warping's force plus `factor` times that of prescribed displacements. */
+static void dgfemi_assemble_stiffness(const dgfem_body *body, const dgfem_mat3 *rotation, dgfem_real scale,
+                                      dgfem_real factor, dgfem_matrix *matrix, dgfem_vec3 *f0) {
     const dgfem_forms *forms = body->forms;
     dgfemi_warped_face face;
     dgfem_matrix_clear(matrix);
-    memset(f0, 0, (size_t)body->basis_count * sizeof *f0);
-    for (int e = 0; e < body->mesh->element_count; e++)
-        dgfemi_assemble_element(body, e, &rotation[e], scale, matrix, f0);
+    if (f0) memset(f0, 0, (size_t)body->basis_count * sizeof *f0);
+    for (int e = 0; e < body->mesh->element_count; e++) {
+        dgfemi_assemble_element(body, e, &rotation[e], scale, matrix);
+        if (f0 && body->desc.warp) dgfemi_element_rest_force(body, e, &rotation[e], f0);
+    }
     for (int f = 0; f < forms->face_count; f++) {
         const dgfemi_face_form *form = &forms->faces[f];
         dgfemi_warp_face(body, form, rotation, &face);
@@ -13418,10 +13964,10 @@ static void dgfemi_assemble_stiffness(const dgfem_body *body, const dgfem_mat3 *
             dgfemi_assemble_quadrant(&face, 1, 1, scale, matrix);
             int lower = form->element[1] > form->element[0];
             dgfemi_assemble_quadrant(&face, lower, !lower, scale, matrix);
-        } else {
-            dgfemi_held_force(body, &face, load, f0);
+        } else if (f0) {
+            dgfemi_held_force(body, &face, factor, f0);
         }
-        for (int s = 0; s < 2 && body->desc.warp; s++)
+        for (int s = 0; s < 2 && f0 && body->desc.warp; s++)
             if (dgfemi_form_has_traction(form, s)) dgfemi_face_rest_force(body, &face, s, rotation, f0);
     }
 }
@@ -13448,8 +13994,7 @@ static void dgfemi_add_mass_product(const dgfem_body *body, dgfem_real s, const 
         int start = body->basis_start[e];
         for (int i = 0; i < form->count; i++)
             for (int j = 0; j < form->count; j++)
-                out[start + i] =
-                    dgfemi_add_scaled(out[start + i], factor * mass[i * form->count + j], v[start + j]);
+                out[start + i] = dgfemi_add_scaled(out[start + i], factor * mass[i * form->count + j], v[start + j]);
     }
 }
 
@@ -13464,57 +14009,57 @@ static void dgfemi_strained(const dgfem_body *body, int element, const dgfem_mat
         out[j] = j >= 1 && j <= 3 ? dgfemi_sub(u[j], rest[j - 1]) : u[j];
 }
 
-/* Elastic energy of one element; adds its internal force K_w U - f0 where `force` is not NULL. */
+/* Elastic energy of one element, in its own frame; adds its internal force K_w U - f0 where `force` is not NULL. */
 static dgfem_real dgfemi_element_energy(const dgfem_body *body, int element, const dgfem_mat3 *r, dgfem_vec3 *force) {
     const dgfemi_element_form *form = &body->forms->elements[element];
     const dgfem_real *g = dgfemi_form_stiffness(body->forms, element);
     const dgfem_material *m = &body->material[element];
     dgfem_real lambda = dgfemi_lambda(m), mu = dgfemi_mu(m), energy = 0;
-    dgfem_mat3 rt = dgfemi_transposed(r);
     dgfem_vec3 strained[DGFEM_MAX_BASIS];
     dgfemi_strained(body, element, r, strained);
+    for (int j = 1; j < form->count; j++) strained[j] = dgfemi_multiply_transposed(r, strained[j]);
     for (int i = 1; i < form->count; i++) {
         dgfem_vec3 sum = dgfemi_vec3(0, 0, 0);
-        for (int j = 1; j < form->count; j++, g += 9) {
-            dgfem_mat3 k = dgfemi_element_block(g, lambda, mu, r, &rt);
-            dgfemi_add_image(&sum, &k, strained[j]);
-        }
+        for (int j = 1; j < form->count; j++, g += 9)
+            sum = dgfemi_add(sum, dgfemi_element_image(g, lambda, mu, strained[j]));
         energy += dgfemi_dot(strained[i], sum) / 2;
-        if (force) force[body->basis_start[element] + i] = dgfemi_add(force[body->basis_start[element] + i], sum);
+        if (!force) continue;
+        dgfem_vec3 *out = &force[body->basis_start[element] + i];
+        *out = dgfemi_add(*out, dgfemi_multiply(r, sum));
     }
     return energy;
 }
 
-/* The same of one face. With U the displacement and U' its strained part (the ghost's is U itself):
-   force = K3 U + K1' U' + K1'^T U, energy = U.K3 U / 2 + U.K1' U'. */
+/* The same of one face. With U the displacement (of a ghost: `factor` times what is prescribed) and U' its strained
+   part:  force = K3 U + K1' U' + K1'^T U,  energy = U.K3 U / 2 + U.K1' U'. */
 static dgfem_real dgfemi_face_energy(const dgfem_body *body, const dgfemi_warped_face *face, const dgfem_mat3 *rotation,
-                                     dgfem_vec3 *force) {
+                                     dgfem_real factor, dgfem_vec3 *force) {
     const dgfemi_face_form *form = face->form;
     dgfem_vec3 strained[2][DGFEM_MAX_BASIS];
     const dgfem_vec3 *u[2];
     dgfem_real energy = 0;
     for (int s = 0; s < 2; s++) {
         int e = form->element[s];
-        u[s] = e == DGFEM_NONE ? dgfemi_form_ghost(body->forms, form) : body->displacement + body->basis_start[e];
+        u[s] = e == DGFEM_NONE ? strained[s] : body->displacement + body->basis_start[e];
         if (e != DGFEM_NONE) dgfemi_strained(body, e, &rotation[e], strained[s]);
+        for (int j = 0; e == DGFEM_NONE && j < form->count[s]; j++)
+            strained[s][j] = dgfemi_scale(factor, dgfemi_form_ghost(body->forms, form)[j]);
     }
     for (int r = 0; r < 2; r++)
         for (int i = 0; i < form->count[r]; i++) {
             dgfem_vec3 penalty = dgfemi_vec3(0, 0, 0), traction = penalty, adjoint = penalty;
-            for (int s = 0; s < 2; s++)
-                for (int j = 0; j < form->count[s]; j++) {
-                    int row = r ? form->count[0] + i : i, column = s ? form->count[0] + j : j;
-                    dgfem_mat3 k = dgfemi_jump_block(face, row, column);
-                    dgfemi_add_image(&penalty, &k, u[s][j]);
-                    if (j > 0 && dgfemi_form_has_traction(form, s)) {
-                        k = dgfemi_consistency_block(face, s, row, j);
-                        dgfemi_add_image(&traction, &k, strained[s][j]);
-                    }
-                    if (i > 0 && dgfemi_form_has_traction(form, r)) {
-                        k = dgfemi_consistency_block(face, r, column, i);
-                        adjoint = dgfemi_add(adjoint, dgfemi_multiply_transposed(&k, u[s][j]));
-                    }
+            int row = r ? form->count[0] + i : i;
+            for (int s = 0; s < 2; s++) {
+                penalty = dgfemi_add(penalty, dgfemi_jump_image(face, row, s, u[s]));
+                for (int j = 1; j < form->count[s] && dgfemi_form_has_traction(form, s); j++) {
+                    dgfem_vec3 q = dgfemi_face_traction(face, s, row, j);
+                    traction = dgfemi_add(traction, dgfemi_consistency_image(face, s, q, strained[s][j]));
                 }
+                for (int j = 0; j < form->count[s] && i > 0 && dgfemi_form_has_traction(form, r); j++) {
+                    dgfem_vec3 q = dgfemi_face_traction(face, r, s ? form->count[0] + j : j, i);
+                    adjoint = dgfemi_add(adjoint, dgfemi_adjoint_image(face, r, q, u[s][j]));
+                }
+            }
             energy += dgfemi_dot(u[r][i], dgfemi_add_scaled(traction, DGFEM_R(0.5), penalty));
             if (force && form->element[r] != DGFEM_NONE) {
                 dgfem_vec3 *out = &force[body->basis_start[form->element[r]] + i];
@@ -13524,14 +14069,16 @@ static dgfem_real dgfemi_face_energy(const dgfem_body *body, const dgfemi_warped
     return energy;
 }
 
-static dgfem_real dgfemi_elastic_energy(const dgfem_body *body, const dgfem_mat3 *rotation, dgfem_vec3 *force) {
+/* Energy of all elements and faces, with `factor` times the prescribed displacements; adds the internal force where
+   `force` is not NULL. */
+static dgfem_real dgfemi_elastic_energy(const dgfem_body *body, const dgfem_mat3 *rotation, dgfem_real factor,
+                                        dgfem_vec3 *force) {
     dgfemi_warped_face face;
     dgfem_real energy = 0;
-    for (int e = 0; e < body->mesh->element_count; e++)
-        energy += dgfemi_element_energy(body, e, &rotation[e], force);
+    for (int e = 0; e < body->mesh->element_count; e++) energy += dgfemi_element_energy(body, e, &rotation[e], force);
     for (int f = 0; f < body->forms->face_count; f++) {
         dgfemi_warp_face(body, &body->forms->faces[f], rotation, &face);
-        energy += dgfemi_face_energy(body, &face, rotation, force);
+        energy += dgfemi_face_energy(body, &face, rotation, factor, force);
     }
     return energy;
 }
@@ -13590,8 +14137,8 @@ static dgfem_status dgfemi_check_material(const dgfem_hooks *hooks, const dgfem_
         return dgfemi_fail(hooks, DGFEM_ERROR_MATERIAL, "element %d: Young's modulus %g, expected > 0", element,
                            (double)m->young);
     if (!(m->poisson > -1 && m->poisson < DGFEM_R(0.5)))
-        return dgfemi_fail(hooks, DGFEM_ERROR_MATERIAL, "element %d: Poisson's ratio %g, expected in (-1, 0.5)", element,
-                           (double)m->poisson);
+        return dgfemi_fail(hooks, DGFEM_ERROR_MATERIAL, "element %d: Poisson's ratio %g, expected in (-1, 0.5)",
+                           element, (double)m->poisson);
     if (!(m->density > 0) || !dgfemi_is_finite(m->density))
         return dgfemi_fail(hooks, DGFEM_ERROR_MATERIAL, "element %d: density %g, expected > 0", element,
                            (double)m->density);
@@ -13608,6 +14155,16 @@ static dgfem_status dgfemi_check_positive(const dgfem_hooks *hooks, dgfem_real v
     return dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "%s is %g, expected > 0", what, (double)value);
 }
 
+/* A descriptor given to a living body, whose log can be trusted. */
+static dgfem_status dgfemi_check_desc(const dgfem_hooks *hooks, const void *desc, unsigned cookie, const char *what) {
+    dgfem_status status = dgfemi_check_cookie(desc, cookie);
+    return status ? dgfemi_fail(hooks, status, "%s", what) : DGFEM_OK;
+}
+
+static dgfem_status dgfemi_check_out(const dgfem_hooks *hooks, const void *out, const char *what) {
+    return out ? DGFEM_OK : dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "%s: out is NULL", what);
+}
+
 static dgfem_status dgfemi_check_body_scalars(const dgfem_body_desc *desc) {
     const dgfem_hooks *hooks = &desc->hooks;
     dgfem_status status = dgfemi_check_positive(hooks, desc->eta, "eta");
@@ -13619,8 +14176,8 @@ static dgfem_status dgfemi_check_body_scalars(const dgfem_body_desc *desc) {
         status = dgfemi_fail(hooks, DGFEM_ERROR_NOT_FINITE, "gravity (%g, %g, %g)", (double)desc->gravity.x,
                              (double)desc->gravity.y, (double)desc->gravity.z);
     if (!status && desc->solver_iterations < 1)
-        status = dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "solver_iterations is %d, expected >= 1",
-                             desc->solver_iterations);
+        status =
+            dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "solver_iterations is %d, expected >= 1", desc->solver_iterations);
     if (!status && (desc->flux != DGFEM_FLUX_IP && desc->flux != DGFEM_FLUX_BZ))
         status = dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "unknown flux %d", (int)desc->flux);
     if (!status && ((int)desc->penalty < 0 || desc->penalty > DGFEM_PENALTY_SCALAR))
@@ -13671,21 +14228,32 @@ static int dgfemi_body_allocate_state(dgfem_body *body) {
 }
 
 static void dgfemi_body_set_elements(dgfem_body *body, const dgfem_body_desc *desc) {
-    int start = 0;
     for (int e = 0; e < desc->mesh->element_count; e++) {
         body->degree[e] = desc->degrees ? desc->degrees[e] : desc->degree;
         body->material[e] = desc->materials ? desc->materials[e] : desc->material;
         body->origin[e] = desc->mesh->elements[e].centre;
         body->scale[e] = desc->mesh->elements[e].radius;
         body->rotation[e] = dgfemi_identity();
-        body->basis_start[e] = start;
-        start += dgfem_monomial_count(body->degree[e]);
     }
-    body->basis_start[desc->mesh->element_count] = start;
-    body->basis_count = start;
 }
 
-/* The block matrix of the element graph: elements coupled through glued faces. */
+/* basis_start and basis_count from the degrees. The unknowns, three per function, are counted in int. */
+static dgfem_status dgfemi_body_count_basis(dgfem_body *body) {
+    int start = 0;
+    for (int e = 0; e < body->mesh->element_count; e++) {
+        int count = dgfem_monomial_count(body->degree[e]);
+        if (start > INT_MAX / 3 - count)
+            return dgfemi_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "element %d makes more than INT_MAX unknowns", e);
+        body->basis_start[e] = start;
+        start += count;
+    }
+    body->basis_start[body->mesh->element_count] = start;
+    body->basis_count = start;
+    return DGFEM_OK;
+}
+
+/* The block matrix of the element graph: elements coupled through glued faces. Like all that the creating functions
+   call here, it leaves the log line for DGFEM_ERROR_MEMORY to them, so that there is one. */
 static dgfem_status dgfemi_body_create_matrix(dgfem_body *body) {
     const dgfem_mesh *mesh = body->mesh;
     dgfemi_arena arena = dgfemi_arena_make(&body->hooks);
@@ -13698,17 +14266,23 @@ static dgfem_status dgfemi_body_create_matrix(dgfem_body *body) {
         for (int f = 0; f < mesh->face_count; f++) {
             const dgfem_face *face = &mesh->faces[f];
             if (face->element[1] == DGFEM_NONE || face->cut) continue;
-            pairs[2 * desc.pair_count] = face->element[0];
-            pairs[2 * desc.pair_count++ + 1] = face->element[1];
+            pairs[2 * (size_t)desc.pair_count] = face->element[0];
+            pairs[2 * (size_t)desc.pair_count + 1] = face->element[1];
+            desc.pair_count++;
         }
         desc.block_count = mesh->element_count;
         desc.block_sizes = sizes;
         desc.pairs = pairs;
         desc.centres = body->origin;
         desc.hooks = body->hooks;
+        desc.hooks.log = NULL;
         status = dgfem_matrix_create(&desc, &body->matrix);
+        if (!status) body->matrix->hooks.log = body->hooks.log;
     }
     dgfemi_arena_free(&arena);
+    if (status && status != DGFEM_ERROR_MEMORY)
+        return dgfemi_fail(&body->hooks, status, "matrix of %d elements and %d faces", mesh->element_count,
+                           mesh->face_count);
     return status;
 }
 
@@ -13719,25 +14293,36 @@ static dgfem_vec3 *dgfemi_work(const dgfem_body *body, int k) {
     return (dgfem_vec3 *)(void *)body->work + (size_t)k * (size_t)body->basis_count;
 }
 
-static dgfem_status dgfemi_body_create_solver(dgfem_body *body) {
+/* What a solver of the body's matrix needs. */
+static dgfem_status dgfemi_body_create_factor(dgfem_body *body) {
     size_t vectors = DGFEMI_WORK_COUNT * 3 * (size_t)body->basis_count;
-    dgfem_status status = dgfemi_body_create_matrix(body);
-    if (status) return status;
+    dgfem_status status = DGFEM_OK;
     if (body->desc.solver == DGFEM_SOLVER_PCG) {
         vectors += dgfem_pcg_work_size(body->matrix);
     } else {
         dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
         desc.hooks = body->hooks;
+        desc.hooks.log = NULL;
         status = dgfem_cholesky_create(body->matrix, &desc, &body->cholesky);
-        if (status) return status;
+        if (status == DGFEM_ERROR_MEMORY) return status;
+        if (status)
+            return dgfemi_fail(&body->hooks, status, "Cholesky factor of %d elements", body->mesh->element_count);
+        body->cholesky->hooks.log = body->hooks.log;
     }
     body->work = (dgfem_real *)dgfemi_allocate(&body->hooks, vectors, sizeof(dgfem_real));
     return body->work ? DGFEM_OK : DGFEM_ERROR_MEMORY;
 }
 
+static dgfem_status dgfemi_body_create_solver(dgfem_body *body) {
+    dgfem_status status = dgfemi_body_create_matrix(body);
+    return status ? status : dgfemi_body_create_factor(body);
+}
+
 static dgfem_status dgfemi_body_build(dgfem_body *body, const dgfem_body_desc *desc) {
     if (!dgfemi_body_allocate(body, desc->mesh->element_count)) return DGFEM_ERROR_MEMORY;
     dgfemi_body_set_elements(body, desc);
+    dgfem_status status = dgfemi_body_count_basis(body);
+    if (status) return status;
     if (!dgfemi_body_allocate_state(body)) return DGFEM_ERROR_MEMORY;
     body->forms = dgfemi_forms_create(body);
     if (!body->forms) return DGFEM_ERROR_MEMORY;
@@ -13764,6 +14349,8 @@ static void dgfemi_body_free(dgfem_body *body) {
     dgfemi_free(&hooks, body->displacement);
     dgfemi_free(&hooks, body->velocity);
     dgfemi_free(&hooks, body->force);
+    dgfemi_free(&hooks, body->family);
+    dgfemi_free(&hooks, body->family_parent);
     dgfemi_free(&hooks, body->work);
     dgfemi_forms_destroy(body->forms, &hooks);
     dgfemi_contacts_destroy(body->contacts);
@@ -13773,10 +14360,10 @@ static void dgfemi_body_free(dgfem_body *body) {
 }
 
 DGFEM_API dgfem_status dgfem_body_create(const dgfem_body_desc *desc, dgfem_body **out) {
-    if (!out) return DGFEM_ERROR_ARGUMENT;
-    *out = NULL;
+    if (out) *out = NULL;
     dgfem_status status = dgfemi_check_cookie(desc, desc ? desc->cookie : 0);
     if (status) return status;
+    if (!out) return dgfemi_fail(&desc->hooks, DGFEM_ERROR_ARGUMENT, "body: out is NULL");
     status = dgfemi_check_body_desc(desc);
     if (status) return status;
     dgfem_body *body = (dgfem_body *)dgfemi_allocate_zero(&desc->hooks, 1, sizeof *body);
@@ -13905,8 +14492,7 @@ static dgfem_status dgfemi_accept_condition(dgfem_body *body, int *id) {
 static dgfem_status dgfemi_check_free_faces(const dgfem_body *body, const int *faces, int count) {
     dgfem_status status = dgfemi_check_boundary_faces(body, faces, count);
     if (status) return status;
-    dgfemi_arena arena = dgfemi_arena_make(&body->hooks);
-    char *held = (char *)dgfemi_arena_allocate_zero(&arena, (size_t)body->mesh->face_count, 1);
+    char *held = (char *)dgfemi_allocate_zero(&body->hooks, (size_t)body->mesh->face_count, 1);
     if (!held) return dgfemi_fail_memory(&body->hooks);
     for (int f = 0; f < body->forms->face_count; f++) held[body->forms->faces[f].face] = 1;
     for (int i = 0; !status && i < count; i++) {
@@ -13914,27 +14500,36 @@ static dgfem_status dgfemi_check_free_faces(const dgfem_body *body, const int *f
             status = dgfemi_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "face %d is held already", faces[i]);
         held[faces[i]] = 1;
     }
-    dgfemi_arena_free(&arena);
+    dgfemi_free(&body->hooks, held);
     return status;
 }
 
-static void dgfemi_constant_displacement(void *user, dgfem_vec3 rest, dgfem_vec3 *displacement) {
-    (void)rest;
-    *displacement = *(const dgfem_vec3 *)user;
-}
-
-/* Samples the prescribed displacement on the faces of a condition. On failure the ghosts may be half set: callers
-   remove or restore them. */
-static dgfem_status dgfemi_sample_ghosts(dgfem_body *body, dgfem_condition *condition) {
-    dgfem_status status = DGFEM_OK;
-    for (int f = 0; !status && f < body->forms->face_count; f++) {
+static void dgfemi_set_constant_ghosts(dgfem_body *body, const dgfem_condition *condition) {
+    for (int f = 0; f < body->forms->face_count; f++) {
         const dgfemi_face_form *form = &body->forms->faces[f];
         if (form->condition != condition->id) continue;
         dgfem_vec3 *ghost = dgfemi_form_ghost(body->forms, form);
-        status = condition->fn
-                     ? dgfemi_forms_set_ghost(body, form, condition->fn, condition->fn_user, ghost)
-                     : dgfemi_forms_set_ghost(body, form, dgfemi_constant_displacement, &condition->vector, ghost);
+        memset(ghost, 0, (size_t)form->count[1] * sizeof *ghost);
+        ghost[0] = condition->vector;
     }
+}
+
+/* Samples the prescribed displacement on the faces of a condition: all of them change, or on failure none. */
+static dgfem_status dgfemi_sample_ghosts(dgfem_body *body, const dgfem_condition *condition) {
+    dgfem_vec3 *fits =
+        (dgfem_vec3 *)dgfemi_allocate(&body->hooks, (size_t)condition->count, DGFEM_MAX_BASIS * sizeof(dgfem_vec3));
+    dgfem_status status = fits ? DGFEM_OK : dgfemi_fail_memory(&body->hooks);
+    for (int pass = 0; pass < 2; pass++) {
+        dgfem_vec3 *fit = fits;
+        for (int f = 0; !status && f < body->forms->face_count; f++) {
+            const dgfemi_face_form *form = &body->forms->faces[f];
+            if (form->condition != condition->id) continue;
+            if (pass == 0) status = dgfemi_fit_ghost(body, form, condition->fn, condition->fn_user, fit);
+            else memcpy(dgfemi_form_ghost(body->forms, form), fit, (size_t)form->count[1] * sizeof *fit);
+            fit += form->count[1];
+        }
+    }
+    dgfemi_free(&body->hooks, fits);
     return status;
 }
 
@@ -13945,7 +14540,8 @@ static dgfem_status dgfemi_hold_faces(dgfem_body *body, dgfem_condition *conditi
     for (int i = 0; !status && i < condition->count; i++)
         if (dgfemi_forms_add_face(body, body->forms, condition->items[i], condition->id, normal_only) == DGFEM_NONE)
             status = dgfemi_fail_memory(&body->hooks);
-    if (!status) status = dgfemi_sample_ghosts(body, condition);
+    if (!status && condition->fn) status = dgfemi_sample_ghosts(body, condition);
+    else if (!status) dgfemi_set_constant_ghosts(body, condition);
     if (!status) return dgfemi_accept_condition(body, id);
     dgfemi_forms_remove_condition(body->forms, &body->hooks, condition->id);
     dgfemi_condition_free(&body->hooks, condition);
@@ -13992,35 +14588,35 @@ DGFEM_API dgfem_status dgfem_body_move_fixture(dgfem_body *body, int id, dgfem_v
     if (!condition) return DGFEM_ERROR_INDEX;
     condition->vector = displacement;
     condition->fn = NULL;
-    return dgfemi_sample_ghosts(body, condition); /* cannot fail: the value is finite */
+    dgfemi_set_constant_ghosts(body, condition);
+    return DGFEM_OK;
 }
 
 DGFEM_API dgfem_status dgfem_body_resample_fixture(dgfem_body *body, int id) {
     if (!body) return DGFEM_ERROR_ARGUMENT;
     dgfem_condition *condition = dgfemi_expect_condition(body, id, DGFEM_CONDITION_FIX_FACES);
     if (!condition) return DGFEM_ERROR_INDEX;
-    dgfem_vec3 ghost[DGFEM_MAX_BASIS];
-    for (int f = 0; condition->fn && f < body->forms->face_count; f++) { /* a first pass that only looks for NaN */
-        const dgfemi_face_form *form = &body->forms->faces[f];
-        if (form->condition != id) continue;
-        dgfem_status status = dgfemi_forms_set_ghost(body, form, condition->fn, condition->fn_user, ghost);
-        if (status) return status;
-    }
-    return dgfemi_sample_ghosts(body, condition);
+    return condition->fn ? dgfemi_sample_ghosts(body, condition) : DGFEM_OK;
 }
 
 /* ---- held elements ---- */
 
 static dgfem_status dgfemi_check_free_elements(const dgfem_body *body, const int *elements, int count) {
     dgfem_status status = dgfemi_check_elements(body, elements, count);
-    for (int c = 0; !status && c < body->condition_count; c++) {
+    if (status) return status;
+    char *held = (char *)dgfemi_allocate_zero(&body->hooks, (size_t)body->mesh->element_count, 1);
+    if (!held) return dgfemi_fail_memory(&body->hooks);
+    for (int c = 0; c < body->condition_count; c++) {
         const dgfem_condition *condition = &body->conditions[c];
         if (condition->kind != DGFEM_CONDITION_FIX_ELEMENTS) continue;
-        for (int i = 0; !status && i < condition->count; i++)
-            for (int k = 0; !status && k < count; k++)
-                if (condition->items[i] == elements[k])
-                    status = dgfemi_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "element %d is held already", elements[k]);
+        for (int i = 0; i < condition->count; i++) held[condition->items[i]] = 1;
     }
+    for (int i = 0; !status && i < count; i++) {
+        if (held[elements[i]])
+            status = dgfemi_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "element %d is held already", elements[i]);
+        held[elements[i]] = 1;
+    }
+    dgfemi_free(&body->hooks, held);
     return status;
 }
 
@@ -14064,57 +14660,63 @@ DGFEM_API dgfem_status dgfem_body_move_elements(dgfem_body *body, int id, dgfem_
 
 /* ---- forces ---- */
 
+/* out_i += weights_i v over the functions of an element */
+static void dgfemi_add_weighted(const dgfem_body *body, int element, const dgfem_real *weights, dgfem_vec3 v,
+                                dgfem_vec3 *out) {
+    int first = body->basis_start[element];
+    for (int i = first; i < body->basis_start[element + 1]; i++)
+        out[i] = dgfemi_add_scaled(out[i], weights[i - first], v);
+}
+
 static void dgfemi_add_traction(const dgfem_body *body, int face, dgfem_vec3 traction, dgfem_vec3 *force) {
     dgfem_real moments[DGFEM_MAX_MOMENTS];
     int e = body->mesh->faces[face].element[0];
     dgfemi_mesh_face_moments(body->mesh, face, body->degree[e], body->origin[e], body->scale[e], moments);
-    for (int i = body->basis_start[e]; i < body->basis_start[e + 1]; i++)
-        force[i] = dgfemi_add_scaled(force[i], moments[i - body->basis_start[e]], traction);
+    dgfemi_add_weighted(body, e, moments, traction, force);
 }
 
 static void dgfemi_add_body_force(const dgfem_body *body, int element, dgfem_vec3 density, dgfem_vec3 *force) {
-    const dgfem_real *load = dgfemi_form_load(body->forms, element);
-    for (int i = body->basis_start[element]; i < body->basis_start[element + 1]; i++)
-        force[i] = dgfemi_add_scaled(force[i], load[i - body->basis_start[element]], density);
+    dgfemi_add_weighted(body, element, dgfemi_form_load(body->forms, element), density, force);
 }
 
 static void dgfemi_add_point_force(const dgfem_body *body, int element, dgfem_vec3 rest, dgfem_vec3 point_force,
                                    dgfem_vec3 *force) {
     dgfem_real n[DGFEM_MAX_BASIS];
     dgfemi_basis_evaluate(body->degree[element], body->origin[element], body->scale[element], rest, n);
-    for (int i = body->basis_start[element]; i < body->basis_start[element + 1]; i++)
-        force[i] = dgfemi_add_scaled(force[i], n[i - body->basis_start[element]], point_force);
+    dgfemi_add_weighted(body, element, n, point_force, force);
 }
 
-/* Sums the loads that do not depend on the state. */
-static void dgfemi_update_force(dgfem_body *body) {
-    memset(body->force, 0, (size_t)body->basis_count * sizeof *body->force);
-    for (int c = 0; c < body->condition_count; c++) {
-        const dgfem_condition *condition = &body->conditions[c];
-        for (int i = 0; i < condition->count; i++) {
-            int item = condition->items[i];
-            if (condition->kind == DGFEM_CONDITION_TRACTION)
-                dgfemi_add_traction(body, item, condition->vector, body->force);
-            else if (condition->kind == DGFEM_CONDITION_BODY_FORCE)
-                dgfemi_add_body_force(body, item, condition->vector, body->force);
-            else if (condition->kind == DGFEM_CONDITION_FORCE)
-                dgfemi_add_point_force(body, item, condition->point, condition->vector, body->force);
-        }
+/* Adds a condition's load to the body's force, if it is one that does not depend on the state. */
+static void dgfemi_add_dead_load(dgfem_body *body, const dgfem_condition *condition) {
+    for (int i = 0; i < condition->count; i++) {
+        int item = condition->items[i];
+        if (condition->kind == DGFEM_CONDITION_TRACTION)
+            dgfemi_add_traction(body, item, condition->vector, body->force);
+        else if (condition->kind == DGFEM_CONDITION_BODY_FORCE)
+            dgfemi_add_body_force(body, item, condition->vector, body->force);
+        else if (condition->kind == DGFEM_CONDITION_FORCE)
+            dgfemi_add_point_force(body, item, condition->point, condition->vector, body->force);
     }
 }
 
-/* out = gravity, dead loads and pressure, times `load`. Pressure acts along the normals turned with their elements. */
-static void dgfemi_external_force(const dgfem_body *body, const dgfem_mat3 *rotation, dgfem_real load,
+/* Sums those loads anew: subtracting one would leave round-off. */
+static void dgfemi_update_force(dgfem_body *body) {
+    memset(body->force, 0, (size_t)body->basis_count * sizeof *body->force);
+    for (int c = 0; c < body->condition_count; c++) dgfemi_add_dead_load(body, &body->conditions[c]);
+}
+
+/* out = gravity, dead loads and pressure, times `factor`. Pressure acts along normals turned with their elements. */
+static void dgfemi_external_force(const dgfem_body *body, const dgfem_mat3 *rotation, dgfem_real factor,
                                   dgfem_vec3 *out) {
-    for (int i = 0; i < body->basis_count; i++) out[i] = dgfemi_scale(load, body->force[i]);
+    for (int i = 0; i < body->basis_count; i++) out[i] = dgfemi_scale(factor, body->force[i]);
     for (int e = 0; e < body->mesh->element_count; e++)
-        dgfemi_add_body_force(body, e, dgfemi_scale(load * body->material[e].density, body->desc.gravity), out);
+        dgfemi_add_body_force(body, e, dgfemi_scale(factor * body->material[e].density, body->desc.gravity), out);
     for (int c = 0; c < body->condition_count; c++) {
         const dgfem_condition *condition = &body->conditions[c];
         for (int i = 0; condition->kind == DGFEM_CONDITION_PRESSURE && i < condition->count; i++) {
             const dgfem_face *face = &body->mesh->faces[condition->items[i]];
             dgfem_vec3 normal = dgfemi_multiply(&rotation[face->element[0]], face->normal);
-            dgfemi_add_traction(body, condition->items[i], dgfemi_scale(-load * condition->scalar, normal), out);
+            dgfemi_add_traction(body, condition->items[i], dgfemi_scale(-factor * condition->scalar, normal), out);
         }
     }
 }
@@ -14127,9 +14729,8 @@ static dgfem_status dgfemi_add_load(dgfem_body *body, dgfem_condition_kind kind,
     condition->vector = vector;
     condition->scalar = scalar;
     condition->point = point;
-    (void)dgfemi_accept_condition(body, id);
-    dgfemi_update_force(body);
-    return DGFEM_OK;
+    dgfemi_add_dead_load(body, condition);
+    return dgfemi_accept_condition(body, id);
 }
 
 DGFEM_API dgfem_status dgfem_body_set_traction(dgfem_body *body, const int *faces, int face_count, dgfem_vec3 traction,
@@ -14157,8 +14758,8 @@ DGFEM_API dgfem_status dgfem_body_set_body_force(dgfem_body *body, const int *el
     dgfem_status status = dgfemi_check_elements(body, elements, element_count);
     if (!status) status = dgfemi_check_finite(body, density, "body force");
     if (status) return status;
-    return dgfemi_add_load(body, DGFEM_CONDITION_BODY_FORCE, elements, element_count, density, 0,
-                           dgfemi_vec3(0, 0, 0), id);
+    return dgfemi_add_load(body, DGFEM_CONDITION_BODY_FORCE, elements, element_count, density, 0, dgfemi_vec3(0, 0, 0),
+                           id);
 }
 
 DGFEM_API dgfem_status dgfem_body_add_force(dgfem_body *body, int element, dgfem_vec3 rest, dgfem_vec3 force, int *id) {
@@ -14244,7 +14845,7 @@ static dgfem_status dgfemi_body_need_contacts(dgfem_body *body) {
 
 static dgfem_status dgfemi_add_shape(dgfem_body *body, const dgfem_shape_desc *desc, dgfem_shape_kind kind, int *id) {
     if (!body) return DGFEM_ERROR_ARGUMENT;
-    dgfem_status status = dgfemi_check_cookie(desc, desc ? desc->cookie : 0);
+    dgfem_status status = dgfemi_check_desc(&body->hooks, desc, desc ? desc->cookie : 0, "shape");
     if (!status) status = dgfemi_check_shape(body, desc, kind);
     if (!status) status = dgfemi_body_need_contacts(body);
     if (status) return status;
@@ -14272,7 +14873,7 @@ DGFEM_API dgfem_status dgfem_body_add_sphere(dgfem_body *body, const dgfem_shape
 
 DGFEM_API dgfem_status dgfem_body_move_shape(dgfem_body *body, int id, const dgfem_shape_desc *desc) {
     if (!body) return DGFEM_ERROR_ARGUMENT;
-    dgfem_status status = dgfemi_check_cookie(desc, desc ? desc->cookie : 0);
+    dgfem_status status = dgfemi_check_desc(&body->hooks, desc, desc ? desc->cookie : 0, "shape");
     if (status) return status;
     for (int i = 0; i < body->shape_count; i++) {
         if (body->shapes[i].id != id) continue;
@@ -14283,7 +14884,8 @@ DGFEM_API dgfem_status dgfem_body_move_shape(dgfem_body *body, int id, const dgf
     return dgfemi_fail(&body->hooks, DGFEM_ERROR_INDEX, "there is no shape with the id %d", id);
 }
 
-DGFEM_API dgfem_status dgfem_body_set_contact_points(dgfem_body *body, dgfem_points_in points, const dgfem_real *areas) {
+DGFEM_API dgfem_status dgfem_body_set_contact_points(dgfem_body *body, dgfem_points_in points,
+                                                     const dgfem_real *areas) {
     if (!body) return DGFEM_ERROR_ARGUMENT;
     dgfem_contacts *contacts = NULL;
     dgfem_status status =
@@ -14367,24 +14969,21 @@ static dgfem_step_info dgfemi_empty_info(void) {
 
 /* ---- pins and held elements ---- */
 
-/* Adds the springs of all pins, `weight` times, to the matrix, and their force at the current displacement (step) or at
-   zero displacement (static solve) to the right-hand side. */
-static void dgfemi_assemble_pins(const dgfem_body *body, dgfem_real weight, dgfem_real load,
-                                 const dgfem_vec3 *displacement,                                 dgfem_matrix *matrix, dgfem_vec3 *rhs) {
+/* Adds the springs of all pins, times `stiffness`, to the matrix, and their force at the current displacement, times
+   `force`, to the right-hand side. Their places are at `factor` of the way from where the points are at rest. */
+static void dgfemi_assemble_pins(const dgfem_body *body, dgfem_real stiffness, dgfem_real force, dgfem_real factor,
+                                 dgfem_matrix *matrix, dgfem_vec3 *rhs) {
+    const dgfem_mat3 identity = dgfemi_identity();
     for (int c = 0; c < body->condition_count; c++) {
         const dgfem_condition *pin = &body->conditions[c];
         if (pin->kind != DGFEM_CONDITION_PIN) continue;
         int e = pin->items[0], n = dgfemi_element_basis(body, e);
         dgfem_real basis[DGFEM_MAX_BASIS], *block = dgfem_matrix_block(matrix, e, e);
-        dgfem_vec3 reach = dgfemi_sub(pin->vector, pin->point), *out = rhs + body->basis_start[e];
+        dgfem_vec3 reach = dgfemi_scale(factor, dgfemi_sub(pin->vector, pin->point));
         dgfemi_basis_evaluate(body->degree[e], body->origin[e], body->scale[e], pin->point, basis);
-        if (displacement) reach = dgfemi_sub(reach, dgfemi_evaluate(body, displacement, e, pin->point));
-        for (int i = 0; i < n; i++) {
-            out[i] = dgfemi_add_scaled(out[i], load * pin->scalar * basis[i], reach);
-            for (int j = 0; j < n; j++)
-                for (int a = 0; a < 3; a++)
-                    block[(3 * i + a) * 3 * n + 3 * j + a] += weight * pin->scalar * basis[i] * basis[j];
-        }
+        reach = dgfemi_sub(reach, dgfemi_evaluate(body, body->displacement, e, pin->point));
+        dgfemi_add_weighted(body, e, basis, dgfemi_scale(force * pin->scalar, reach), rhs);
+        dgfemi_add_kronecker(block, basis, n, stiffness * pin->scalar, &identity);
     }
 }
 
@@ -14405,20 +15004,23 @@ static void dgfemi_hold_element(const dgfem_body *body, int e, const dgfem_vec3 
         dgfem_real *out = (dgfem_real *)(void *)(rhs + body->basis_start[other]);
         for (int i = 0; i < m; i++)
             for (int j = 0; j < n; j++) out[i] -= (other > e ? block[i * n + j] : block[j * m + i]) * value[j];
-        memset(block, 0, (size_t)(m * n) * sizeof *block);
+        memset(block, 0, (size_t)m * (size_t)n * sizeof *block);
     }
     dgfem_real *diagonal = dgfem_matrix_block(matrix, e, e), size = 0;
     dgfem_real *out = (dgfem_real *)(void *)(rhs + body->basis_start[e]);
     for (int i = 0; i < n; i++) size = dgfemi_max(size, diagonal[i * n + i]);
-    memset(diagonal, 0, (size_t)(n * n) * sizeof *diagonal);
+    memset(diagonal, 0, (size_t)n * (size_t)n * sizeof *diagonal);
     for (int i = 0; i < n; i++) {
         diagonal[i * n + i] = size;
         out[i] = size * value[i];
     }
 }
 
-/* Holds all held elements. The unknown is the displacement (dt = 0) or the velocity that reaches it after dt. */
-static void dgfemi_hold_elements(const dgfem_body *body, dgfem_real dt, dgfem_matrix *matrix, dgfem_vec3 *rhs) {
+/* Holds all held elements in the system, or where `matrix` is NULL writes their unknowns to x, so that an iterative
+   solver's error spares them. The unknowns are the velocities that lead in dt from the current displacement to `factor`
+   times the prescribed one. */
+static void dgfemi_hold_elements(const dgfem_body *body, dgfem_real dt, dgfem_real factor, dgfem_matrix *matrix,
+                                 dgfem_vec3 *rhs_or_x) {
     dgfem_vec3 x[DGFEM_MAX_BASIS];
     for (int c = 0; c < body->condition_count; c++) {
         const dgfem_condition *condition = &body->conditions[c];
@@ -14427,8 +15029,10 @@ static void dgfemi_hold_elements(const dgfem_body *body, dgfem_real dt, dgfem_ma
         for (int i = 0; i < condition->count; i++) {
             int e = condition->items[i], n = dgfemi_element_basis(body, e);
             const dgfem_vec3 *now = body->displacement + body->basis_start[e];
-            for (int k = 0; k < n; k++) x[k] = dt > 0 ? dgfemi_scale(1 / dt, dgfemi_sub(target[k], now[k])) : target[k];
-            dgfemi_hold_element(body, e, x, matrix, rhs);
+            for (int k = 0; k < n; k++)
+                x[k] = dgfemi_scale(1 / dt, dgfemi_sub(dgfemi_scale(factor, target[k]), now[k]));
+            if (matrix) dgfemi_hold_element(body, e, x, matrix, rhs_or_x);
+            else memcpy(rhs_or_x + body->basis_start[e], x, (size_t)n * sizeof *x);
             target += n;
         }
     }
@@ -14443,18 +15047,17 @@ static void dgfemi_assemble_step(dgfem_body *body, dgfem_real h, dgfem_vec3 *rhs
     double start = dgfemi_clock(&body->hooks);
     dgfemi_rotations(body, dgfemi_next_rotation(body));
     dgfemi_assemble_stiffness(body, dgfemi_next_rotation(body), stiffness, 1, body->matrix, f0);
-    dgfem_matrix_multiply(body->matrix, (const dgfem_real *)(const void *)body->displacement,
-                          (dgfem_real *)(void *)ku);
+    dgfem_matrix_multiply(body->matrix, (const dgfem_real *)(const void *)body->displacement, (dgfem_real *)(void *)ku);
     dgfemi_external_force(body, dgfemi_next_rotation(body), h, rhs);
     for (int i = 0; i < body->basis_count; i++)
         rhs[i] = dgfemi_add_scaled(dgfemi_add_scaled(rhs[i], h, f0[i]), -h / stiffness, ku[i]);
     dgfemi_add_mass_product(body, 1, body->velocity, rhs);
     dgfemi_assemble_mass(body, 1 + h * body->desc.damping_mass, body->matrix);
-    dgfemi_assemble_pins(body, h * h, h, body->displacement, body->matrix, rhs);
+    dgfemi_assemble_pins(body, h * h, h, 1, body->matrix, rhs);
     double middle = dgfemi_clock(&body->hooks);
     info->seconds_assemble += middle - start;
     if (body->shape_count) info->contacts = dgfemi_contacts_assemble(body->contacts, body, h, body->matrix, rhs);
-    dgfemi_hold_elements(body, h, body->matrix, rhs);
+    dgfemi_hold_elements(body, h, 1, body->matrix, rhs);
     info->seconds_contact += dgfemi_clock(&body->hooks) - middle;
 }
 
@@ -14466,6 +15069,7 @@ static dgfem_status dgfemi_step(dgfem_body *body, dgfem_real h, dgfem_step_info 
     dgfem_status status = dgfemi_body_solve(body, rhs, v, info);
     if (!status) status = dgfemi_check_solution(body, v);
     if (status) return status;
+    dgfemi_hold_elements(body, h, 1, NULL, v);
     memcpy(body->velocity, v, size);
     for (int i = 0; i < body->basis_count; i++)
         body->displacement[i] = dgfemi_add_scaled(body->displacement[i], h, v[i]);
@@ -14484,48 +15088,202 @@ DGFEM_API dgfem_status dgfem_body_step(dgfem_body *body, dgfem_real dt, dgfem_st
     return status;
 }
 
+/* ---- what holds the body ---- */
+
+/* The conditions on the rigid motions t + w x (x - centre) / size of one piece of the body (elements connected by
+   glue), as a Gram matrix over (t, w): a motion that no condition sees is in its kernel. */
+typedef struct dgfemi_hold {
+    int element; /* one of the piece */
+    dgfem_vec3 lower, upper;
+    double gram[6][6];
+} dgfemi_hold;
+
+/* piece[element_count], numbered from 0; returns their number. */
+static int dgfemi_label_pieces(const dgfem_mesh *mesh, int *piece, int *stack) {
+    int count = 0;
+    for (int e = 0; e < mesh->element_count; e++) piece[e] = DGFEM_NONE;
+    for (int first = 0; first < mesh->element_count; first++) {
+        int depth = 0;
+        if (piece[first] != DGFEM_NONE) continue;
+        piece[first] = count;
+        stack[depth++] = first;
+        while (depth > 0) {
+            const dgfem_element *element = &mesh->elements[stack[--depth]];
+            for (int k = element->face_start; k < element->face_start + element->face_count; k++) {
+                const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+                for (int s = 0; s < 2 && !face->cut && face->element[1] != DGFEM_NONE; s++) {
+                    if (piece[face->element[s]] != DGFEM_NONE) continue;
+                    piece[face->element[s]] = count;
+                    stack[depth++] = face->element[s];
+                }
+            }
+        }
+        count++;
+    }
+    return count;
+}
+
+/* The component along `direction` at x is held. */
+static void dgfemi_hold_direction(dgfemi_hold *hold, dgfem_vec3 x, dgfem_vec3 direction) {
+    dgfem_vec3 arm = dgfemi_add_scaled(x, DGFEM_R(-0.5), dgfemi_add(hold->lower, hold->upper));
+    dgfem_vec3 turn = dgfemi_cross(arm, direction);
+    double size = (double)dgfemi_distance(hold->lower, hold->upper), row[6];
+    for (int a = 0; a < 3; a++) {
+        row[a] = (double)dgfemi_axis(direction, a);
+        row[3 + a] = (double)dgfemi_axis(turn, a) / size;
+    }
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < 6; j++) hold->gram[i][j] += row[i] * row[j];
+}
+
+static void dgfemi_hold_point(dgfemi_hold *hold, dgfem_vec3 x) {
+    dgfem_mat3 identity = dgfemi_identity();
+    for (int a = 0; a < 3; a++) dgfemi_hold_direction(hold, x, dgfemi_column(&identity, a));
+}
+
+static void dgfemi_hold_face(const dgfem_mesh *mesh, const dgfem_face *face, int normal_only, dgfemi_hold *hold) {
+    for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++)
+        for (int k = mesh->loops[l].start; k < mesh->loops[l].start + mesh->loops[l].count; k++) {
+            dgfem_vec3 x = mesh->vertices[mesh->loop_vertices[k]];
+            if (normal_only) dgfemi_hold_direction(hold, x, face->normal);
+            else dgfemi_hold_point(hold, x);
+        }
+}
+
+static void dgfemi_hold_pieces(const dgfem_body *body, const int *piece, dgfemi_hold *holds) {
+    const dgfem_mesh *mesh = body->mesh;
+    for (int c = 0; c < body->condition_count; c++) {
+        const dgfem_condition *condition = &body->conditions[c];
+        int normal_only = condition->kind == DGFEM_CONDITION_FIX_NORMAL;
+        for (int i = 0; i < condition->count; i++) {
+            int item = condition->items[i];
+            if (condition->kind == DGFEM_CONDITION_FIX_FACES || normal_only) {
+                const dgfem_face *face = &mesh->faces[item];
+                dgfemi_hold_face(mesh, face, normal_only, &holds[piece[face->element[0]]]);
+            } else if (condition->kind == DGFEM_CONDITION_PIN) {
+                dgfemi_hold_point(&holds[piece[item]], condition->point);
+            } else if (condition->kind == DGFEM_CONDITION_FIX_ELEMENTS) {
+                const dgfem_element *element = &mesh->elements[item];
+                for (int k = element->face_start; k < element->face_start + element->face_count; k++)
+                    dgfemi_hold_face(mesh, &mesh->faces[mesh->element_faces[k]], 0, &holds[piece[item]]);
+            }
+        }
+    }
+}
+
+/* Cholesky. The bound lets a face hold a body of 1e5 times its size, and is far above round-off in float. */
+static int dgfemi_hold_is_complete(dgfemi_hold *hold) {
+    const double bound = 1e-10;
+    double(*a)[6] = hold->gram, mean = 0;
+    for (int j = 0; j < 6; j++) mean += a[j][j] / 6;
+    for (int j = 0; j < 6; j++) {
+        for (int k = 0; k < j; k++) a[j][j] -= a[j][k] * a[j][k];
+        if (!(a[j][j] > bound * mean)) return 0;
+        a[j][j] = sqrt(a[j][j]);
+        for (int i = j + 1; i < 6; i++) {
+            for (int k = 0; k < j; k++) a[i][j] -= a[i][k] * a[j][k];
+            a[i][j] /= a[j][j];
+        }
+    }
+    return 1;
+}
+
+/* *element = one of a piece that the conditions leave free to move as a rigid body, to first order about its rest
+   position; DGFEM_NONE when there is none. */
+static dgfem_status dgfemi_find_free_piece(const dgfem_body *body, int *element) {
+    size_t n = (size_t)body->mesh->element_count;
+    dgfemi_arena arena = dgfemi_arena_make(&body->hooks);
+    int *piece = (int *)dgfemi_arena_allocate(&arena, 2 * n, sizeof(int)), count = 0;
+    if (piece) count = dgfemi_label_pieces(body->mesh, piece, piece + n);
+    dgfemi_hold *holds = (dgfemi_hold *)dgfemi_arena_allocate_zero(&arena, (size_t)count, sizeof *holds);
+    *element = DGFEM_NONE;
+    if (!piece || !holds) {
+        dgfemi_arena_free(&arena);
+        return dgfemi_fail_memory(&body->hooks);
+    }
+    for (int e = body->mesh->element_count - 1; e >= 0; e--) {
+        dgfemi_hold *hold = &holds[piece[e]];
+        dgfem_real r = body->mesh->elements[e].radius;
+        dgfem_vec3 lower = dgfemi_sub(body->origin[e], dgfemi_vec3(r, r, r));
+        dgfem_vec3 upper = dgfemi_add(body->origin[e], dgfemi_vec3(r, r, r));
+        int fresh = !(hold->upper.x > hold->lower.x);
+        hold->element = e;
+        hold->lower = fresh ? lower : dgfemi_min3(hold->lower, lower);
+        hold->upper = fresh ? upper : dgfemi_max3(hold->upper, upper);
+    }
+    dgfemi_hold_pieces(body, piece, holds);
+    for (int k = 0; k < count && *element == DGFEM_NONE; k++)
+        if (!dgfemi_hold_is_complete(&holds[k])) *element = holds[k].element;
+    dgfemi_arena_free(&arena);
+    return DGFEM_OK;
+}
+
+static dgfem_status dgfemi_check_held(const dgfem_body *body) {
+    int element;
+    dgfem_status status = dgfemi_find_free_piece(body, &element);
+    if (status || element == DGFEM_NONE) return status;
+    for (int c = 0; c < body->condition_count; c++)
+        if (body->conditions[c].kind <= DGFEM_CONDITION_PIN)
+            return dgfemi_fail(&body->hooks, DGFEM_ERROR_UNCONSTRAINED,
+                               "static solve: the conditions leave the piece of element %d free to move or turn",
+                               element);
+    return dgfemi_fail(&body->hooks, DGFEM_ERROR_UNCONSTRAINED, "static solve: nothing holds the body");
+}
+
 /* ---- static solve ---- */
 
-/* One solve of K_w U = load (F + g) + f0 with the rotations of the current displacement. Sets *change to the change of
-   the displacement relative to its size. */
-static dgfem_status dgfemi_static_sweep(dgfem_body *body, dgfem_real load, dgfem_real *change, dgfem_step_info *info) {
-    dgfem_vec3 *f0 = dgfemi_work(body, DGFEMI_WORK_F0), *rhs = dgfemi_work(body, DGFEMI_WORK_RHS);
+/* |b - A x| / |b| */
+static dgfem_real dgfemi_linear_residual(const dgfem_body *body, const dgfem_vec3 *b, const dgfem_vec3 *x) {
+    dgfem_vec3 *r = dgfemi_work(body, DGFEMI_WORK_Y);
+    double norm = dgfemi_vector_norm(body->basis_count, b);
+    dgfem_matrix_multiply(body->matrix, (const dgfem_real *)(const void *)x, (dgfem_real *)(void *)r);
+    for (int i = 0; i < body->basis_count; i++) r[i] = dgfemi_sub(b[i], r[i]);
+    return norm > 0 ? (dgfem_real)(dgfemi_vector_norm(body->basis_count, r) / norm) : 0;
+}
+
+/* One correction of the displacement, K_w dU = factor F - f(U), with the rotations of the current displacement. Solving
+   for the correction rather than for U + dU makes errors of the solver vanish with it. info->residual becomes
+   |dU| / |U + dU|, or without warping, where one correction does, the residual of the linear system. */
+static dgfem_status dgfemi_static_sweep(dgfem_body *body, dgfem_real factor, dgfem_step_info *info) {
+    dgfem_vec3 *force = dgfemi_work(body, DGFEMI_WORK_F0), *rhs = dgfemi_work(body, DGFEMI_WORK_RHS);
     dgfem_vec3 *x = dgfemi_work(body, DGFEMI_WORK_X);
+    dgfem_mat3 *rotation = dgfemi_next_rotation(body);
+    size_t size = (size_t)body->basis_count * sizeof *x;
     double start = dgfemi_clock(&body->hooks);
-    dgfemi_rotations(body, dgfemi_next_rotation(body));
-    dgfemi_assemble_stiffness(body, dgfemi_next_rotation(body), 1, load, body->matrix, f0);
-    dgfemi_external_force(body, dgfemi_next_rotation(body), load, rhs);
-    for (int i = 0; i < body->basis_count; i++) rhs[i] = dgfemi_add(rhs[i], f0[i]);
-    dgfemi_assemble_pins(body, 1, 1, NULL, body->matrix, rhs);
-    dgfemi_hold_elements(body, 0, body->matrix, rhs);
-    memcpy(x, body->displacement, (size_t)body->basis_count * sizeof *x);
+    dgfemi_rotations(body, rotation);
+    dgfemi_assemble_stiffness(body, rotation, 1, factor, body->matrix, NULL);
+    dgfemi_external_force(body, rotation, factor, rhs);
+    memset(force, 0, size);
+    (void)dgfemi_elastic_energy(body, rotation, factor, force);
+    for (int i = 0; i < body->basis_count; i++) rhs[i] = dgfemi_sub(rhs[i], force[i]);
+    dgfemi_assemble_pins(body, 1, 1, factor, body->matrix, rhs);
+    dgfemi_hold_elements(body, 1, factor, body->matrix, rhs);
+    memset(x, 0, size);
     info->seconds_assemble += dgfemi_clock(&body->hooks) - start;
     dgfem_status status = dgfemi_body_solve(body, rhs, x, info);
     if (!status) status = dgfemi_check_solution(body, x);
     if (status) return status;
-    dgfem_real difference = 0, size = 0;
-    for (int i = 0; i < body->basis_count; i++) {
-        dgfem_vec3 d = dgfemi_sub(x[i], body->displacement[i]);
-        difference += dgfemi_dot(d, d);
-        size += dgfemi_dot(x[i], x[i]);
-        body->displacement[i] = x[i];
-    }
-    *change = size > 0 ? dgfemi_sqrt(difference / size) : 0;
+    dgfem_real residual = body->desc.warp ? 0 : dgfemi_linear_residual(body, rhs, x);
+    dgfemi_hold_elements(body, 1, factor, NULL, x);
+    for (int i = 0; i < body->basis_count; i++) body->displacement[i] = dgfemi_add(body->displacement[i], x[i]);
+    double whole = dgfemi_vector_norm(body->basis_count, body->displacement);
+    if (body->desc.warp && whole > 0) residual = (dgfem_real)(dgfemi_vector_norm(body->basis_count, x) / whole);
+    info->residual = residual;
     dgfemi_commit_rotation(body);
     info->sweeps++;
     return DGFEM_OK;
 }
 
-static dgfem_status dgfemi_static_load(dgfem_body *body, const dgfem_static_desc *desc, dgfem_real load,
+static dgfem_status dgfemi_static_load(dgfem_body *body, const dgfem_static_desc *desc, dgfem_real factor,
                                        dgfem_step_info *info) {
     for (int sweep = 0; sweep < desc->max_sweeps; sweep++) {
-        dgfem_status status = dgfemi_static_sweep(body, load, &info->residual, info);
+        dgfem_status status = dgfemi_static_sweep(body, factor, info);
         if (status) return status;
         if (!body->desc.warp || info->residual <= desc->tolerance) return DGFEM_OK;
     }
     return dgfemi_fail(&body->hooks, DGFEM_ERROR_NOT_CONVERGED,
                        "static solve at %g of the load: the displacement still changes by %g after %d sweeps",
-                       (double)load, (double)info->residual, desc->max_sweeps);
+                       (double)factor, (double)info->residual, desc->max_sweeps);
 }
 
 static dgfem_status dgfemi_solve_static(dgfem_body *body, const dgfem_static_desc *desc, dgfem_step_info *info) {
@@ -14548,24 +15306,17 @@ static dgfem_status dgfemi_solve_static(dgfem_body *body, const dgfem_static_des
     return status;
 }
 
-/* Whether any condition can keep the body from drifting away. */
-static int dgfemi_is_held(const dgfem_body *body) {
-    for (int c = 0; c < body->condition_count; c++)
-        if (body->conditions[c].kind <= DGFEM_CONDITION_PIN) return 1;
-    return 0;
-}
-
 DGFEM_API dgfem_status dgfem_body_solve_static(dgfem_body *body, const dgfem_static_desc *desc, dgfem_step_info *info) {
     dgfem_step_info local = dgfemi_empty_info();
     if (!body) return DGFEM_ERROR_ARGUMENT;
     if (info) *info = local;
-    dgfem_status status = dgfemi_check_cookie(desc, desc ? desc->cookie : 0);
+    dgfem_status status = dgfemi_check_desc(&body->hooks, desc, desc ? desc->cookie : 0, "static solve");
     if (!status) status = dgfemi_check_positive(&body->hooks, desc->tolerance, "static solve: tolerance");
     if (!status && (desc->load_steps < 1 || desc->max_sweeps < 1))
-        status = dgfemi_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "static solve: %d load steps, %d sweeps, expected >= 1",
-                             desc->load_steps, desc->max_sweeps);
-    if (!status && !dgfemi_is_held(body))
-        status = dgfemi_fail(&body->hooks, DGFEM_ERROR_UNCONSTRAINED, "static solve: nothing holds the body");
+        status =
+            dgfemi_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "static solve: %d load steps, %d sweeps, expected >= 1",
+                        desc->load_steps, desc->max_sweeps);
+    if (!status) status = dgfemi_check_held(body);
     if (!status) status = dgfemi_solve_static(body, desc, &local);
     if (info) *info = local;
     return status;
@@ -14601,7 +15352,8 @@ static void dgfemi_traction_coefficients(const dgfemi_face_frame *frame, int j, 
             if (axis == 1) gradient[lower].y += d;
             if (axis == 2) gradient[lower].z += d;
         }
-    for (int k = 0; k < lower_count; k++) out[k] = dgfemi_elastic_block(lambda, mu, n, gradient[k]);
+    memset(out, 0, (size_t)lower_count * sizeof *out);
+    for (int k = 0; k < lower_count; k++) dgfemi_add_elastic(lambda, mu, n, gradient[k], &out[k]);
 }
 
 /* a += s int_f T_i^T W T_j for all functions of the element, which is side 0 of the frame. */
@@ -14639,8 +15391,8 @@ static void dgfemi_stability_pair(const dgfem_body *body, int element, dgfem_rea
     dgfem_real lambda = dgfemi_lambda(&body->material[element]), mu = dgfemi_mu(&body->material[element]);
     dgfem_mat3 identity = dgfemi_identity();
     const dgfem_real *g = dgfemi_form_stiffness(forms, element);
-    memset(a, 0, (size_t)(size * size) * sizeof *a);
-    memset(b, 0, (size_t)(size * size) * sizeof *b);
+    memset(a, 0, (size_t)size * (size_t)size * sizeof *a);
+    memset(b, 0, (size_t)size * (size_t)size * sizeof *b);
     for (int i = 1; i < n; i++)
         for (int j = 1; j < n; j++, g += 9) {
             dgfem_mat3 k = dgfemi_element_block(g, lambda, mu, &identity, &identity);
@@ -14671,9 +15423,8 @@ static dgfem_real dgfemi_largest_eigenvalue(const dgfem_real *a, const dgfem_rea
     dgfem_real x[DGFEM_MAX_UNKNOWNS], y[DGFEM_MAX_UNKNOWNS], value = 0;
     for (int i = 0; i < size; i++) x[i] = 1 + DGFEM_R(0.5) * dgfemi_sqrt((dgfem_real)((7 * i * i + 3) % 11));
     for (int iteration = 0; iteration < ITERATIONS; iteration++) {
-        dgfem_real z[DGFEM_MAX_UNKNOWNS], norm = 0, last = value;
-        for (int i = 0; i < size; i++) norm += x[i] * x[i];
-        norm = dgfemi_sqrt(norm);
+        dgfem_real z[DGFEM_MAX_UNKNOWNS], last = value;
+        dgfem_real norm = (dgfem_real)sqrt(dgfemi_vector_dot(size, x, x));
         if (!(norm > 0)) return 0;
         for (int i = 0; i < size; i++) z[i] = x[i] = x[i] / norm;
         for (int i = size - 1; i >= 0; i--) { /* L^-T */
@@ -14697,7 +15448,9 @@ static dgfem_real dgfemi_largest_eigenvalue(const dgfem_real *a, const dgfem_rea
 }
 
 DGFEM_API dgfem_status dgfem_body_stability_bound(const dgfem_body *body, int element, dgfem_real *theta) {
-    if (!body || !theta) return DGFEM_ERROR_ARGUMENT;
+    if (!body) return DGFEM_ERROR_ARGUMENT;
+    dgfem_status status = dgfemi_check_out(&body->hooks, theta, "stability_bound");
+    if (status) return status;
     if (element < 0 || element >= body->mesh->element_count)
         return dgfemi_fail(&body->hooks, DGFEM_ERROR_INDEX, "element %d, expected 0..%d", element,
                            body->mesh->element_count - 1);
@@ -14705,10 +15458,11 @@ DGFEM_API dgfem_status dgfem_body_stability_bound(const dgfem_body *body, int el
     size_t square = (size_t)size * (size_t)size;
     dgfem_real *a = (dgfem_real *)dgfemi_allocate(&body->hooks, 2 * square, sizeof *a), *b = a + square;
     if (!a) return dgfemi_fail_memory(&body->hooks);
-    dgfem_status status = DGFEM_OK;
     dgfemi_stability_pair(body, element, a, b);
     if (dgfemi_cholesky_dense(b, size)) *theta = dgfemi_largest_eigenvalue(a, b, size);
-    else status = dgfemi_fail(&body->hooks, DGFEM_ERROR_DEGENERATE, "element %d: its strain energy is not definite", element);
+    else
+        status =
+            dgfemi_fail(&body->hooks, DGFEM_ERROR_DEGENERATE, "element %d: its strain energy is not definite", element);
     dgfemi_free(&body->hooks, a);
     return status;
 }
@@ -14727,43 +15481,53 @@ DGFEM_API dgfem_status dgfem_body_set_eta(dgfem_body *body, dgfem_real eta) {
     return status;
 }
 
-/* Factors the unrotated stiffness of the body, held as it is; a free body is held by a trace of its mass. */
-static dgfem_status dgfemi_try_eta(dgfem_body *body, dgfem_cholesky *cholesky, dgfem_cholesky_info *info) {
+/* Factors the unrotated stiffness of the body, held as it is; one that can still move as a rigid body is held by a
+   trace of its mass. */
+static dgfem_status dgfemi_try_eta(dgfem_body *body, int is_free, dgfem_cholesky *cholesky, dgfem_cholesky_info *info) {
     const dgfem_real trace = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-9); /* of a typical stiffness */
     dgfem_mat3 *rotation = dgfemi_next_rotation(body);
     dgfem_vec3 *rhs = dgfemi_work(body, DGFEMI_WORK_RHS);
     for (int e = 0; e < body->mesh->element_count; e++) rotation[e] = dgfemi_identity();
-    dgfemi_assemble_stiffness(body, rotation, 1, 0, body->matrix, dgfemi_work(body, DGFEMI_WORK_F0));
-    if (!dgfemi_is_held(body)) {
+    dgfemi_assemble_stiffness(body, rotation, 1, 0, body->matrix, NULL);
+    if (is_free) {
         dgfem_real r = body->scale[0];
         dgfemi_assemble_mass(body, trace * body->material[0].young / (body->material[0].density * r * r), body->matrix);
     }
     memset(rhs, 0, (size_t)body->basis_count * sizeof *rhs);
-    dgfemi_assemble_pins(body, 1, 0, NULL, body->matrix, rhs);
-    dgfemi_hold_elements(body, 0, body->matrix, rhs);
+    dgfemi_assemble_pins(body, 1, 0, 0, body->matrix, rhs);
+    dgfemi_hold_elements(body, 1, 0, body->matrix, rhs);
     return dgfem_cholesky_factor(cholesky, body->matrix, info);
 }
 
 DGFEM_API dgfem_status dgfem_body_find_eta(dgfem_body *body, dgfem_real *eta) {
     enum { MAX_DOUBLINGS = 10 };
-    if (!body || !eta) return DGFEM_ERROR_ARGUMENT;
+    if (!body) return DGFEM_ERROR_ARGUMENT;
+    dgfem_status status = dgfemi_check_out(&body->hooks, eta, "find_eta");
+    if (status) return status;
     dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
     dgfem_cholesky *cholesky = body->cholesky;
     dgfem_cholesky_info info;
-    dgfem_status status = DGFEM_OK;
+    int free_element;
+    status = dgfemi_find_free_piece(body, &free_element);
     dgfem_real first = body->desc.eta;
     desc.hooks = body->hooks;
-    desc.hooks.log = NULL; /* a failure here is no error */
-    if (!cholesky) status = dgfem_cholesky_create(body->matrix, &desc, &cholesky);
+    if (!status && !cholesky) status = dgfem_cholesky_create(body->matrix, &desc, &cholesky);
     if (status) return status;
+    cholesky->hooks.log = NULL; /* the failure of a trial is no error */
     for (int doublings = 0;; doublings++) {
-        status = dgfemi_try_eta(body, cholesky, &info);
+        status = dgfemi_try_eta(body, free_element != DGFEM_NONE, cholesky, &info);
         if (status != DGFEM_ERROR_NOT_POSITIVE_DEFINITE || doublings == MAX_DOUBLINGS) break;
         dgfemi_set_eta(body, 2 * body->desc.eta);
     }
+    cholesky->hooks.log = body->hooks.log;
     if (cholesky != body->cholesky) dgfem_cholesky_destroy(cholesky);
-    if (status) dgfemi_set_eta(body, first);
-    else *eta = body->desc.eta;
+    if (!status) {
+        *eta = body->desc.eta;
+        return DGFEM_OK;
+    }
+    status = dgfemi_fail(&body->hooks, status, "find_eta: pivot of element %d with eta %g", info.failed_block,
+                         (double)body->desc.eta);
+    dgfemi_set_eta(body, first);
     return status;
 }
 
@@ -14773,25 +15537,48 @@ DGFEM_API dgfem_status dgfem_body_find_eta(dgfem_body *body, dgfem_real *eta) {
 
 /* ---- queries ---- */
 
+/* Whether there is such an element, and the rest position is finite; the other answers are logged. */
+static int dgfemi_can_ask(const dgfem_body *body, int element, dgfem_vec3 rest, const char *what) {
+    if (!body) return 0;
+    if (element < 0 || element >= body->mesh->element_count)
+        (void)dgfemi_fail(&body->hooks, DGFEM_ERROR_INDEX, "%s: element %d, expected 0..%d", what, element,
+                          body->mesh->element_count - 1);
+    else if (!dgfemi_is_finite3(rest))
+        (void)dgfemi_fail(&body->hooks, DGFEM_ERROR_NOT_FINITE, "%s: rest position (%g, %g, %g)", what, (double)rest.x,
+                          (double)rest.y, (double)rest.z);
+    else return 1;
+    return 0;
+}
+
+static dgfem_mat3 dgfemi_zero_mat3(void) {
+    dgfem_mat3 zero;
+    memset(&zero, 0, sizeof zero);
+    return zero;
+}
+
 DGFEM_API dgfem_vec3 dgfem_body_displacement(const dgfem_body *body, int element, dgfem_vec3 rest) {
-    DGFEM_ASSERT(body && element >= 0 && element < body->mesh->element_count);
+    if (!dgfemi_can_ask(body, element, rest, "displacement")) return dgfemi_vec3(0, 0, 0);
     return dgfemi_evaluate(body, body->displacement, element, rest);
 }
 
 DGFEM_API dgfem_vec3 dgfem_body_velocity(const dgfem_body *body, int element, dgfem_vec3 rest) {
-    DGFEM_ASSERT(body && element >= 0 && element < body->mesh->element_count);
+    if (!dgfemi_can_ask(body, element, rest, "velocity")) return dgfemi_vec3(0, 0, 0);
     return dgfemi_evaluate(body, body->velocity, element, rest);
 }
 
-DGFEM_API dgfem_mat3 dgfem_body_gradient(const dgfem_body *body, int element, dgfem_vec3 rest) {
+static dgfem_mat3 dgfemi_gradient(const dgfem_body *body, int element, dgfem_vec3 rest) {
     dgfem_vec3 gradients[DGFEM_MAX_BASIS];
     dgfem_mat3 f = dgfemi_identity();
-    DGFEM_ASSERT(body && element >= 0 && element < body->mesh->element_count);
     int start = body->basis_start[element];
     dgfemi_basis_gradients(body->degree[element], body->origin[element], body->scale[element], rest, gradients);
     for (int i = 1; i < body->basis_start[element + 1] - start; i++)
         dgfemi_add_outer(&f, 1, body->displacement[start + i], gradients[i]);
     return f;
+}
+
+DGFEM_API dgfem_mat3 dgfem_body_gradient(const dgfem_body *body, int element, dgfem_vec3 rest) {
+    if (!dgfemi_can_ask(body, element, rest, "gradient")) return dgfemi_identity();
+    return dgfemi_gradient(body, element, rest);
 }
 
 /* The current rotation of one element: that of its displacement now, not of the last step's start. */
@@ -14800,27 +15587,85 @@ static dgfem_mat3 dgfemi_rotation_now(const dgfem_body *body, int element) {
     return dgfem_rotation_of(dgfemi_mean_gradient(body, element), body->rotation[element]);
 }
 
-DGFEM_API dgfem_mat3 dgfem_body_stress(const dgfem_body *body, int element, dgfem_vec3 rest) {
-    dgfem_mat3 f = dgfem_body_gradient(body, element, rest), r = dgfemi_rotation_now(body, element);
-    dgfem_mat3 rt = dgfemi_transposed(&r), stretch = dgfemi_multiply3(&rt, &f), stress;
-    dgfem_real lambda = dgfemi_lambda(&body->material[element]), mu = dgfemi_mu(&body->material[element]);
-    dgfem_real volumetric = lambda * (dgfemi_trace(&stretch) - 3);
+/* Strain of a deformation gradient in the element's rotated frame: sym(R^T F) - I. */
+static dgfem_mat3 dgfemi_rotated_strain(const dgfem_mat3 *r, const dgfem_mat3 *f) {
+    dgfem_mat3 rt = dgfemi_transposed(r), stretch = dgfemi_multiply3(&rt, f), strain;
     for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++)
-            stress.m[i][j] = mu * (stretch.m[i][j] + stretch.m[j][i]) + (i == j ? volumetric - 2 * mu : 0);
-    stress = dgfemi_multiply3(&r, &stress);
-    return dgfemi_multiply3(&stress, &rt);
+        for (int j = 0; j < 3; j++) strain.m[i][j] = (stretch.m[i][j] + stretch.m[j][i]) / 2 - (i == j ? 1 : 0);
+    return strain;
+}
+
+/* R a R^T: from the element's rotated frame to world axes. */
+static dgfem_mat3 dgfemi_to_world(const dgfem_mat3 *r, const dgfem_mat3 *a) {
+    dgfem_mat3 rt = dgfemi_transposed(r), ra = dgfemi_multiply3(r, a);
+    return dgfemi_multiply3(&ra, &rt);
+}
+
+static dgfem_mat3 dgfemi_strain_of(const dgfem_body *body, int element, const dgfem_mat3 *f) {
+    dgfem_mat3 r = dgfemi_rotation_now(body, element), strain = dgfemi_rotated_strain(&r, f);
+    return dgfemi_to_world(&r, &strain);
+}
+
+static dgfem_mat3 dgfemi_stress_of(const dgfem_body *body, int element, const dgfem_mat3 *f) {
+    dgfem_mat3 r = dgfemi_rotation_now(body, element), stress = dgfemi_rotated_strain(&r, f);
+    dgfem_real mu = dgfemi_mu(&body->material[element]);
+    dgfem_real volumetric = dgfemi_lambda(&body->material[element]) * dgfemi_trace(&stress);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) stress.m[i][j] = 2 * mu * stress.m[i][j] + (i == j ? volumetric : 0);
+    return dgfemi_to_world(&r, &stress);
+}
+
+DGFEM_API dgfem_mat3 dgfem_body_strain(const dgfem_body *body, int element, dgfem_vec3 rest) {
+    if (!dgfemi_can_ask(body, element, rest, "strain")) return dgfemi_zero_mat3();
+    dgfem_mat3 f = dgfemi_gradient(body, element, rest);
+    return dgfemi_strain_of(body, element, &f);
+}
+
+DGFEM_API dgfem_mat3 dgfem_body_stress(const dgfem_body *body, int element, dgfem_vec3 rest) {
+    if (!dgfemi_can_ask(body, element, rest, "stress")) return dgfemi_zero_mat3();
+    dgfem_mat3 f = dgfemi_gradient(body, element, rest);
+    return dgfemi_stress_of(body, element, &f);
+}
+
+/* Strain and stress are linear in the gradient, so their means are those of its mean. */
+DGFEM_API dgfem_mat3 dgfem_body_mean_strain(const dgfem_body *body, int element) {
+    if (!dgfemi_can_ask(body, element, dgfemi_vec3(0, 0, 0), "mean_strain")) return dgfemi_zero_mat3();
+    dgfem_mat3 f = dgfemi_mean_gradient(body, element);
+    return dgfemi_strain_of(body, element, &f);
+}
+
+DGFEM_API dgfem_mat3 dgfem_body_mean_stress(const dgfem_body *body, int element) {
+    if (!dgfemi_can_ask(body, element, dgfemi_vec3(0, 0, 0), "mean_stress")) return dgfemi_zero_mat3();
+    dgfem_mat3 f = dgfemi_mean_gradient(body, element);
+    return dgfemi_stress_of(body, element, &f);
+}
+
+DGFEM_API void dgfem_body_principal_stress(const dgfem_body *body, int element, dgfem_vec3 rest, dgfem_real values[3],
+                                           dgfem_mat3 *directions) {
+    dgfem_mat3 vectors;
+    dgfem_eigen_symmetric(dgfem_body_stress(body, element, rest), values, directions ? directions : &vectors);
+}
+
+DGFEM_API void dgfem_body_mean_principal_stress(const dgfem_body *body, int element, dgfem_real values[3],
+                                                dgfem_mat3 *directions) {
+    dgfem_mat3 vectors;
+    dgfem_eigen_symmetric(dgfem_body_mean_stress(body, element), values, directions ? directions : &vectors);
 }
 
 DGFEM_API dgfem_mat3 dgfem_body_rotation(const dgfem_body *body, int element) {
-    DGFEM_ASSERT(body && element >= 0 && element < body->mesh->element_count);
+    if (!dgfemi_can_ask(body, element, dgfemi_vec3(0, 0, 0), "rotation")) return dgfemi_identity();
     return dgfemi_rotation_now(body, element);
 }
 
 DGFEM_API dgfem_vec3 dgfem_body_face_displacement(const dgfem_body *body, int face) {
-    DGFEM_ASSERT(body && face >= 0 && face < body->mesh->face_count);
-    const dgfem_face *f = &body->mesh->faces[face];
     dgfem_vec3 sum = dgfemi_vec3(0, 0, 0);
+    if (!body) return sum;
+    if (face < 0 || face >= body->mesh->face_count) {
+        (void)dgfemi_fail(&body->hooks, DGFEM_ERROR_INDEX, "face_displacement: face %d, expected 0..%d", face,
+                          body->mesh->face_count - 1);
+        return sum;
+    }
+    const dgfem_face *f = &body->mesh->faces[face];
     int sides = f->element[1] == DGFEM_NONE ? 1 : 2;
     for (int s = 0; s < sides; s++) {
         int e = f->element[s], start = body->basis_start[e];
@@ -14859,7 +15704,7 @@ DGFEM_API dgfem_status dgfem_body_set_affine_velocity(dgfem_body *body, dgfem_ma
 
 /* ---- conserved quantities ---- */
 
-/* int_element N_i position for one element: rest position is origin + scale * (linear monomials). */
+/* Coefficient i of the element's deformed position x + u(x), where x = origin + scale * (linear monomials). */
 static dgfem_vec3 dgfemi_position_coefficient(const dgfem_body *body, int element, int i) {
     dgfem_vec3 x = body->displacement[body->basis_start[element] + i];
     if (i == 0) x = dgfemi_add(x, body->origin[element]);
@@ -14871,7 +15716,7 @@ static dgfem_vec3 dgfemi_position_coefficient(const dgfem_body *body, int elemen
 
 DGFEM_API dgfem_real dgfem_body_mass(const dgfem_body *body) {
     dgfem_real mass = 0;
-    for (int e = 0; e < body->mesh->element_count; e++)
+    for (int e = 0; body && e < body->mesh->element_count; e++)
         mass += body->material[e].density * body->mesh->elements[e].volume;
     return mass;
 }
@@ -14921,32 +15766,24 @@ static dgfem_real dgfemi_gravity_energy(const dgfem_body *body) {
     return energy;
 }
 
-/* Rotations of the current displacement in temporary memory; NULL when there is none. */
-static dgfem_mat3 *dgfemi_rotations_now(const dgfem_body *body) {
-    dgfem_mat3 *rotation =
-        (dgfem_mat3 *)dgfemi_allocate(&body->hooks, (size_t)body->mesh->element_count, sizeof *rotation);
-    if (rotation) dgfemi_rotations(body, rotation);
-    return rotation;
-}
-
 DGFEM_API dgfem_status dgfem_body_energy(const dgfem_body *body, dgfem_energy *out) {
-    if (!body || !out) return DGFEM_ERROR_ARGUMENT;
-    dgfem_mat3 *rotation = dgfemi_rotations_now(body);
-    if (!rotation) return dgfemi_fail_memory(&body->hooks);
+    if (!body) return DGFEM_ERROR_ARGUMENT;
+    dgfem_status status = dgfemi_check_out(&body->hooks, out, "energy");
+    if (status) return status;
+    dgfemi_rotations(body, dgfemi_next_rotation(body));
     out->kinetic = dgfemi_kinetic_energy(body);
-    out->elastic = dgfemi_elastic_energy(body, rotation, NULL);
+    out->elastic = dgfemi_elastic_energy(body, dgfemi_next_rotation(body), 1, NULL);
     out->gravity = dgfemi_gravity_energy(body);
-    dgfemi_free(&body->hooks, rotation);
     return DGFEM_OK;
 }
 
 DGFEM_API dgfem_status dgfem_body_internal_force(const dgfem_body *body, dgfem_vec3 *out) {
-    if (!body || !out) return DGFEM_ERROR_ARGUMENT;
-    dgfem_mat3 *rotation = dgfemi_rotations_now(body);
-    if (!rotation) return dgfemi_fail_memory(&body->hooks);
+    if (!body) return DGFEM_ERROR_ARGUMENT;
+    dgfem_status status = dgfemi_check_out(&body->hooks, out, "internal_force");
+    if (status) return status;
+    dgfemi_rotations(body, dgfemi_next_rotation(body));
     memset(out, 0, (size_t)body->basis_count * sizeof *out);
-    (void)dgfemi_elastic_energy(body, rotation, out);
-    dgfemi_free(&body->hooks, rotation);
+    (void)dgfemi_elastic_energy(body, dgfemi_next_rotation(body), 1, out);
     return DGFEM_OK;
 }
 
@@ -14954,17 +15791,580 @@ DGFEM_API dgfem_status dgfem_body_internal_force(const dgfem_body *body, dgfem_v
    centroid stands for the mean. */
 DGFEM_API dgfem_real dgfem_body_volume(const dgfem_body *body) {
     dgfem_real volume = 0;
-    for (int e = 0; e < body->mesh->element_count; e++) {
-        dgfem_mat3 f = dgfem_body_gradient(body, e, body->origin[e]);
+    for (int e = 0; body && e < body->mesh->element_count; e++) {
+        dgfem_mat3 f = dgfemi_gradient(body, e, body->origin[e]);
         volume += dgfemi_determinant(&f) * body->mesh->elements[e].volume;
     }
     return volume;
 }
 
-/* ==== degree.c ==================================================================================================== */
+DGFEM_API dgfem_status dgfem_body_element_mass(const dgfem_body *body, int element, dgfem_real *out) {
+    if (!body) return DGFEM_ERROR_ARGUMENT;
+    dgfem_status status = dgfemi_check_out(&body->hooks, out, "element_mass");
+    if (status) return status;
+    if (element < 0 || element >= body->mesh->element_count)
+        return dgfemi_fail(&body->hooks, DGFEM_ERROR_INDEX, "mass: element %d of %d", element,
+                           body->mesh->element_count);
+    const dgfem_real *mass = dgfemi_form_mass(body->forms, element);
+    int count = body->forms->elements[element].count;
+    for (int i = 0; i < count * count; i++) out[i] = body->material[element].density * mass[i];
+    return DGFEM_OK;
+}
 
-/* Changing the polynomial degree of elements while the body lives: coefficients are kept exactly when the degree is
-   raised and L2-projected when it is lowered; integrals of what did not change are kept. */
+/* ==== pieces.c ==================================================================================================== */
+
+/* Connected parts of a body. */
+
+/* Marks all elements that hang together with `first`; stack[element_count]. Neighbours are found through faces. */
+static void dgfemi_piece_flood(const dgfem_mesh *mesh, int first, int piece, int *piece_of, int *stack) {
+    int count = 0;
+    stack[count++] = first;
+    piece_of[first] = piece;
+    while (count > 0) {
+        int element = stack[--count];
+        const dgfem_element *e = &mesh->elements[element];
+        for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+            const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+            int other = face->element[0] == element ? face->element[1] : face->element[0];
+            if (other == DGFEM_NONE || face->cut || piece_of[other] != DGFEM_NONE) continue;
+            piece_of[other] = piece;
+            stack[count++] = other;
+        }
+    }
+}
+
+/* Returns the number of pieces. */
+static int dgfemi_find_pieces(const dgfem_mesh *mesh, int *piece_of, int *stack) {
+    int count = 0;
+    for (int e = 0; e < mesh->element_count; e++) piece_of[e] = DGFEM_NONE;
+    for (int e = 0; e < mesh->element_count; e++)
+        if (piece_of[e] == DGFEM_NONE) dgfemi_piece_flood(mesh, e, count++, piece_of, stack);
+    return count;
+}
+
+/* Sums over the elements of each piece: `centre` is int rho X, `spin` the angular momentum about the origin, until
+   dgfemi_piece_end. */
+static void dgfemi_piece_add(const dgfem_body *body, int e, dgfem_piece *piece) {
+    const dgfemi_element_form *form = &body->forms->elements[e];
+    const dgfem_real *mass = dgfemi_form_mass(body->forms, e);
+    const dgfem_vec3 *v = body->velocity + body->basis_start[e];
+    dgfem_real density = body->material[e].density;
+    piece->element_count++;
+    piece->volume += body->mesh->elements[e].volume;
+    piece->mass += density * mass[0];
+    for (int i = 0; i < form->count; i++) {
+        dgfem_vec3 x = dgfemi_position_coefficient(body, e, i);
+        piece->centre = dgfemi_add_scaled(piece->centre, density * mass[i], x);
+        piece->momentum = dgfemi_add_scaled(piece->momentum, density * mass[i], v[i]);
+        for (int j = 0; j < form->count; j++)
+            piece->spin = dgfemi_add_scaled(piece->spin, density * mass[i * form->count + j], dgfemi_cross(x, v[j]));
+    }
+}
+
+static void dgfemi_piece_end(dgfem_piece *piece) {
+    piece->centre = dgfemi_scale(1 / piece->mass, piece->centre);
+    piece->spin = dgfemi_sub(piece->spin, dgfemi_cross(piece->centre, piece->momentum));
+}
+
+DGFEM_API dgfem_status dgfem_body_pieces(const dgfem_body *body, int *piece_of, dgfem_piece *pieces, int capacity,
+                                         int *count) {
+    if (!body) return DGFEM_ERROR_ARGUMENT;
+    if (!count || capacity < 0)
+        return dgfemi_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "pieces: room for %d, or no count", capacity);
+    dgfemi_arena arena = dgfemi_arena_make(&body->hooks);
+    size_t n = (size_t)body->mesh->element_count;
+    int *stack = (int *)dgfemi_arena_allocate(&arena, n, sizeof(int));
+    int *own = (int *)dgfemi_arena_allocate(&arena, n, sizeof(int));
+    dgfem_status status = stack && own ? DGFEM_OK : dgfemi_fail_memory(&body->hooks);
+    if (!status) {
+        *count = dgfemi_find_pieces(body->mesh, own, stack);
+        if (piece_of) memcpy(piece_of, own, n * sizeof(int));
+        int room = pieces ? (*count < capacity ? *count : capacity) : 0;
+        if (room > 0) memset(pieces, 0, (size_t)room * sizeof *pieces);
+        for (size_t e = 0; e < n; e++)
+            if (own[e] < room) dgfemi_piece_add(body, (int)e, &pieces[own[e]]);
+        for (int k = 0; k < room; k++) dgfemi_piece_end(&pieces[k]);
+    }
+    dgfemi_arena_free(&arena);
+    return status;
+}
+
+/* ==== edit.c ====================================================================================================== */
+
+/* Editing a body, first half: a copy of the mesh whose elements remember which polynomial they carry.
+
+   Cuts, fracture, refinement and merging have one course: an edit takes a copy of the mesh, changes it as often as
+   needed, and renew.c then makes of it all that the body needs, takes over what did not change, and swaps. Until that
+   swap, which cannot fail, the body is what it was.
+
+   In between no coefficient moves. At first every element has a field, its polynomial. The parts of an element share its
+   field, in the old centre and scale; a union of several has a new one, their L2 projection, which keeps momentum. While
+   the edit lasts, tags of elements hold their fields (parts inherit them) and tags of faces hold the body's face that
+   they are a part of, or DGFEM_NONE for new ones. */
+
+typedef struct dgfemi_field {
+    int source; /* the body's element whose polynomial it is, or DGFEM_NONE: a union's */
+    int degree;
+    int next_degree;   /* that the elements are to have */
+    dgfem_vec3 origin; /* of the polynomial */
+    dgfem_real scale;
+    int first;        /* union: its coefficients in edit.displacement and edit.velocity */
+    int member_start; /* union: range of edit.members, the body's elements that it has parts of */
+    int member_count;
+    int family;  /* of its elements, in edit.families, or DGFEM_NONE */
+    int divided; /* 1: its region has been split, and a part of it may have gone into a union */
+} dgfemi_field;
+
+typedef struct dgfemi_vectors {
+    dgfem_vec3 *data;
+    int count, capacity;
+} dgfemi_vectors;
+
+typedef struct dgfemi_edit {
+    const dgfem_body *body;
+    dgfem_mesh *mesh;
+    dgfemi_field *fields;
+    int field_count, field_capacity;
+    dgfemi_ints members;
+    dgfemi_vectors displacement, velocity; /* of unions */
+    dgfemi_ints families; /* the family of the element that each family was split from; begins with the body's */
+    uint64_t *bond;       /* [the body's elements] equal where conditions allow that elements merge; 0: held, never */
+} dgfemi_edit;
+
+static void dgfemi_edit_free(dgfemi_edit *edit) {
+    const dgfem_hooks *hooks = &edit->body->hooks;
+    dgfem_mesh_destroy(edit->mesh);
+    dgfemi_free(hooks, edit->fields);
+    dgfemi_free(hooks, edit->members.data);
+    dgfemi_free(hooks, edit->displacement.data);
+    dgfemi_free(hooks, edit->velocity.data);
+    dgfemi_free(hooks, edit->families.data);
+    dgfemi_free(hooks, edit->bond);
+}
+
+/* Elements merge where the same conditions act on both: held ones never do. */
+static int dgfemi_edit_make_bonds(dgfemi_edit *edit) {
+    const dgfem_body *body = edit->body;
+    size_t n = (size_t)body->mesh->element_count;
+    edit->bond = (uint64_t *)dgfemi_allocate(&body->hooks, n, sizeof *edit->bond);
+    if (!edit->bond) return 0;
+    for (size_t e = 0; e < n; e++) edit->bond[e] = 1;
+    for (int c = 0; c < body->condition_count; c++) {
+        const dgfem_condition *condition = &body->conditions[c];
+        for (int i = 0; condition->kind == DGFEM_CONDITION_BODY_FORCE && i < condition->count; i++)
+            edit->bond[condition->items[i]] = dgfemi_mix(edit->bond[condition->items[i]] + (uint64_t)condition->id) | 1;
+    }
+    for (int c = 0; c < body->condition_count; c++) {
+        const dgfem_condition *condition = &body->conditions[c];
+        for (int i = 0; condition->kind == DGFEM_CONDITION_FIX_ELEMENTS && i < condition->count; i++)
+            edit->bond[condition->items[i]] = 0;
+    }
+    return 1;
+}
+
+static int dgfemi_edit_copy_families(dgfemi_edit *edit) {
+    const dgfem_body *body = edit->body;
+    if (body->family_count == 0) return 1;
+    edit->families.data =
+        (int *)dgfemi_duplicate(&body->hooks, body->family_parent, (size_t)body->family_count, sizeof(int));
+    if (!edit->families.data) return 0;
+    edit->families.count = edit->families.capacity = body->family_count;
+    return 1;
+}
+
+/* Starts an edit; on failure there is nothing to free. */
+static dgfem_status dgfemi_edit_begin(dgfemi_edit *edit, const dgfem_body *body) {
+    int count = body->mesh->element_count;
+    memset(edit, 0, sizeof *edit);
+    edit->body = body;
+    edit->mesh = dgfemi_mesh_duplicate(body->mesh);
+    edit->fields = (dgfemi_field *)dgfemi_allocate_zero(&body->hooks, (size_t)count, sizeof *edit->fields);
+    if (!edit->mesh || !edit->fields || !dgfemi_edit_make_bonds(edit) || !dgfemi_edit_copy_families(edit)) {
+        dgfemi_edit_free(edit);
+        return dgfemi_fail_memory(&body->hooks);
+    }
+    edit->field_count = edit->field_capacity = count;
+    for (int e = 0; e < count; e++) {
+        dgfemi_field *field = &edit->fields[e];
+        field->source = e;
+        field->degree = field->next_degree = body->degree[e];
+        field->origin = body->origin[e];
+        field->scale = body->scale[e];
+        field->family = body->family ? body->family[e] : DGFEM_NONE;
+        edit->mesh->elements[e].tag = e;
+    }
+    for (int f = 0; f < body->mesh->face_count; f++) edit->mesh->faces[f].tag = f;
+    return DGFEM_OK;
+}
+
+/* ---- fields ---- */
+
+static const dgfem_vec3 *dgfemi_field_displacement(const dgfemi_edit *edit, const dgfemi_field *field) {
+    if (field->source == DGFEM_NONE) return edit->displacement.data + field->first;
+    return edit->body->displacement + edit->body->basis_start[field->source];
+}
+
+static const dgfem_vec3 *dgfemi_field_velocity(const dgfemi_edit *edit, const dgfemi_field *field) {
+    if (field->source == DGFEM_NONE) return edit->velocity.data + field->first;
+    return edit->body->velocity + edit->body->basis_start[field->source];
+}
+
+/* A body's element that stands for the field: its material, its rotation. */
+static int dgfemi_field_element(const dgfemi_edit *edit, const dgfemi_field *field) {
+    return field->source == DGFEM_NONE ? edit->members.data[field->member_start] : field->source;
+}
+
+/* World position of a rest position, and the deformation gradient there (NULL: not wanted). */
+static dgfem_vec3 dgfemi_field_map(const dgfemi_edit *edit, const dgfemi_field *field, dgfem_vec3 x, dgfem_mat3 *f) {
+    const dgfem_vec3 *u = dgfemi_field_displacement(edit, field);
+    int n = dgfem_monomial_count(field->degree);
+    dgfem_real values[DGFEM_MAX_BASIS];
+    dgfem_vec3 gradients[DGFEM_MAX_BASIS], place = x;
+    dgfemi_basis_evaluate(field->degree, field->origin, field->scale, x, values);
+    for (int i = 0; i < n; i++) place = dgfemi_add_scaled(place, values[i], u[i]);
+    if (!f) return place;
+    *f = dgfemi_identity();
+    dgfemi_basis_gradients(field->degree, field->origin, field->scale, x, gradients);
+    for (int i = 1; i < n; i++) dgfemi_add_outer(f, 1, u[i], gradients[i]);
+    return place;
+}
+
+static const dgfemi_field *dgfemi_field_of(const dgfemi_edit *edit, int element) {
+    return &edit->fields[edit->mesh->elements[element].tag];
+}
+
+/* out = the polynomial `in` of degree p about (c, s), written about (c_new, s_new). Not in place. */
+static void dgfemi_move_polynomial(int degree, dgfem_vec3 c, dgfem_real s, const dgfem_vec3 *in, dgfem_vec3 c_new,
+                                   dgfem_real s_new, dgfem_vec3 *out) {
+    dgfem_real t[DGFEM_MAX_BASIS * DGFEM_MAX_BASIS];
+    int n = dgfem_monomial_count(degree);
+    dgfemi_basis_shift(degree, c, s, c_new, s_new, t);
+    memset(out, 0, (size_t)n * sizeof *out);
+    for (int i = 0; i < n; i++)
+        for (int k = 0; k < n; k++) out[k] = dgfemi_add_scaled(out[k], t[i * n + k], in[i]);
+}
+
+/* ---- unions ---- */
+
+static int dgfemi_vectors_push(const dgfem_hooks *hooks, dgfemi_vectors *vectors, const dgfem_vec3 *data, int count) {
+    void *room = vectors->data;
+    int ok = dgfemi_mesh_room(hooks, &room, vectors->count, &vectors->capacity, count, sizeof(dgfem_vec3));
+    vectors->data = (dgfem_vec3 *)room;
+    if (!ok) return 0;
+    memcpy(vectors->data + vectors->count, data, (size_t)count * sizeof *data);
+    vectors->count += count;
+    return 1;
+}
+
+/* Whether elements with these fields may become one: same material, same degree, same conditions. */
+static int dgfemi_edit_allows(const void *user, int a, int b) {
+    const dgfemi_edit *edit = (const dgfemi_edit *)user;
+    const dgfemi_field *p = &edit->fields[a], *q = &edit->fields[b];
+    int e = dgfemi_field_element(edit, p), f = dgfemi_field_element(edit, q);
+    return p->degree == q->degree && p->next_degree == q->next_degree && edit->bond[e] != 0 &&
+           edit->bond[e] == edit->bond[f] &&
+           memcmp(&edit->body->material[e], &edit->body->material[f], sizeof(dgfem_material)) == 0;
+}
+
+/* Adds the body's elements of one field to edit->members, each once per union. 1 on success. */
+static int dgfemi_edit_add_members(dgfemi_edit *edit, const dgfemi_field *field, int start) {
+    int count = field->source == DGFEM_NONE ? field->member_count : 1;
+    for (int i = 0; i < count; i++) {
+        int member = field->source == DGFEM_NONE ? edit->members.data[field->member_start + i] : field->source, k;
+        for (k = start; k < edit->members.count && edit->members.data[k] != member; k++) {
+        }
+        if (k == edit->members.count && !dgfemi_push(&edit->body->hooks, &edit->members, member)) return 0;
+    }
+    return 1;
+}
+
+/* Sums of M_m (member's matrix, about the union's centre) and M_m u_m. */
+typedef struct dgfemi_projection {
+    int degree, count;
+    dgfem_vec3 origin;
+    dgfem_real scale;
+    dgfem_real mass[DGFEM_MAX_BASIS * DGFEM_MAX_BASIS];
+    dgfem_vec3 displacement[DGFEM_MAX_BASIS], velocity[DGFEM_MAX_BASIS];
+} dgfemi_projection;
+
+static void dgfemi_projection_add(dgfemi_projection *projection, const dgfemi_edit *edit, const dgfem_mesh *mesh,
+                                  int element) {
+    const dgfemi_field *field = &edit->fields[mesh->elements[element].tag];
+    int n = projection->count;
+    dgfem_real moments[DGFEM_MAX_MOMENTS];
+    dgfem_vec3 u[DGFEM_MAX_BASIS], v[DGFEM_MAX_BASIS];
+    dgfemi_element_moments(mesh, element, 2 * projection->degree, projection->origin, projection->scale, moments);
+    dgfemi_move_polynomial(field->degree, field->origin, field->scale, dgfemi_field_displacement(edit, field),
+                           projection->origin, projection->scale, u);
+    dgfemi_move_polynomial(field->degree, field->origin, field->scale, dgfemi_field_velocity(edit, field),
+                           projection->origin, projection->scale, v);
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++) {
+            dgfem_real m = moments[dgfemi_product_index(i, j)];
+            projection->mass[i * n + j] += m;
+            projection->displacement[i] = dgfemi_add_scaled(projection->displacement[i], m, u[j]);
+            projection->velocity[i] = dgfemi_add_scaled(projection->velocity[i], m, v[j]);
+        }
+}
+
+/* The family of the largest one of some elements. */
+static int dgfemi_edit_family_of(const dgfemi_edit *edit, const int *elements, int count) {
+    const dgfem_element *largest = &edit->mesh->elements[elements[0]];
+    for (int i = 1; i < count; i++)
+        if (edit->mesh->elements[elements[i]].volume > largest->volume) largest = &edit->mesh->elements[elements[i]];
+    return edit->fields[largest->tag].family;
+}
+
+/* Makes the field of the union `element` of the merged mesh, whose members are listed (elements of edit->mesh), and
+   gives the element its tag. */
+static dgfem_status dgfemi_edit_add_union(dgfemi_edit *edit, dgfem_mesh *merged, int element, const int *members,
+                                          int count) {
+    const dgfem_hooks *hooks = &edit->body->hooks;
+    dgfemi_projection projection;
+    dgfemi_field field = edit->fields[edit->mesh->elements[members[0]].tag];
+    memset(&projection, 0, sizeof projection);
+    projection.degree = field.degree, projection.count = dgfem_monomial_count(field.degree);
+    projection.origin = merged->elements[element].centre, projection.scale = merged->elements[element].radius;
+    for (int i = 0; i < count; i++) dgfemi_projection_add(&projection, edit, edit->mesh, members[i]);
+    if (!dgfemi_cholesky_dense(projection.mass, projection.count))
+        return dgfemi_fail(hooks, DGFEM_ERROR_DEGENERATE, "element %d: too thin for its polynomials", element);
+    dgfemi_cholesky_dense_solve(projection.mass, projection.count, (dgfem_real *)(void *)projection.displacement, 3);
+    dgfemi_cholesky_dense_solve(projection.mass, projection.count, (dgfem_real *)(void *)projection.velocity, 3);
+    int start = edit->members.count;
+    for (int i = 0; i < count; i++)
+        if (!dgfemi_edit_add_members(edit, &edit->fields[edit->mesh->elements[members[i]].tag], start))
+            return dgfemi_fail_memory(hooks);
+    field.source = DGFEM_NONE;
+    field.origin = projection.origin, field.scale = projection.scale;
+    field.first = edit->displacement.count;
+    field.family = dgfemi_edit_family_of(edit, members, count);
+    field.member_start = start, field.member_count = edit->members.count - start;
+    if (edit->field_count == edit->field_capacity) {
+        void *grown = dgfemi_grow(hooks, edit->fields, &edit->field_capacity, edit->field_count + 1, sizeof field);
+        if (!grown) return dgfemi_fail_memory(hooks);
+        edit->fields = (dgfemi_field *)grown;
+    }
+    if (!dgfemi_vectors_push(hooks, &edit->displacement, projection.displacement, projection.count) ||
+        !dgfemi_vectors_push(hooks, &edit->velocity, projection.velocity, projection.count))
+        return dgfemi_fail_memory(hooks);
+    merged->elements[element].tag = edit->field_count;
+    edit->fields[edit->field_count++] = field;
+    return DGFEM_OK;
+}
+
+/* Lists the members of every union, sorted by union, and makes their fields. union_of[e] is the element that took e in,
+   directly, or DGFEM_NONE. */
+static dgfem_status dgfemi_edit_add_unions(dgfemi_edit *edit, dgfem_mesh *merged, int *union_of, int *start,
+                                           int *members) {
+    int n = merged->element_count;
+    for (int e = 0; e < n; e++) {
+        int root = e;
+        while (union_of[root] != DGFEM_NONE) root = union_of[root];
+        start[root + 1]++;
+    }
+    for (int e = 0; e < n; e++) start[e + 1] += start[e];
+    for (int e = n - 1; e >= 0; e--) { /* start[root] becomes the end, then, filled backwards, the start again */
+        int root = e;
+        while (union_of[root] != DGFEM_NONE) root = union_of[root];
+        members[--start[root + 1]] = e;
+    }
+    for (int e = 0; e < n; e++) {
+        int first = start[e + 1], end = e + 1 < n ? start[e + 2] : n;
+        if (end - first < 2) continue;
+        dgfem_status status = dgfemi_edit_add_union(edit, merged, e, members + first, end - first);
+        if (status) return status;
+    }
+    return DGFEM_OK;
+}
+
+/* Marks the fields that several elements share, and in parts[elements] those elements (1, else 0). */
+static int dgfemi_edit_mark_parts(dgfemi_edit *edit, char *parts) {
+    const dgfem_mesh *mesh = edit->mesh;
+    int *use = (int *)dgfemi_allocate_zero(&edit->body->hooks, (size_t)edit->field_count, sizeof(int));
+    if (!use) return 0;
+    for (int e = 0; e < mesh->element_count; e++)
+        if (mesh->elements[e].face_count > 0) use[mesh->elements[e].tag]++;
+    for (int f = 0; f < edit->field_count; f++) edit->fields[f].divided |= use[f] > 1;
+    for (int e = 0; e < mesh->element_count; e++)
+        parts[e] = mesh->elements[e].face_count > 0 && edit->fields[mesh->elements[e].tag].divided;
+    dgfemi_free(&edit->body->hooks, use);
+    return 1;
+}
+
+/* Runs the merger on a copy of the mesh and makes the fields of the unions. */
+static dgfem_status dgfemi_edit_run_merger(dgfemi_edit *edit, dgfemi_merger *merger, dgfemi_arena *arena, int *merged) {
+    const dgfem_hooks *hooks = &edit->body->hooks;
+    dgfem_status status = DGFEM_OK;
+    int n = edit->mesh->element_count, left = 0;
+    int *union_of = (int *)dgfemi_arena_allocate(arena, (size_t)n, sizeof(int));
+    int *start = (int *)dgfemi_arena_allocate_zero(arena, (size_t)n + 2, sizeof(int));
+    int *members = (int *)dgfemi_arena_allocate(arena, (size_t)n, sizeof(int));
+    merger->mesh = dgfemi_mesh_duplicate(edit->mesh);
+    merger->union_of = union_of;
+    if (!union_of || !start || !members || !merger->mesh) status = dgfemi_fail_memory(hooks);
+    for (int e = 0; !status && e < n; e++) union_of[e] = DGFEM_NONE;
+    if (!status && !dgfemi_merger_run(merger, merged, &left)) status = dgfemi_fail_memory(hooks);
+    if (!status && *merged > 0) status = dgfemi_edit_add_unions(edit, merger->mesh, union_of, start, members);
+    if (!status) dgfemi_mesh_swap(edit->mesh, merger->mesh);
+    dgfem_mesh_destroy(merger->mesh);
+    return status;
+}
+
+/* Merges what the rule calls slivers, and counts them. The rule's candidates, where it has none, are the parts of elements
+   that were split (all: all elements); `allows` gets the edit as user, and fields. */
+static dgfem_status dgfemi_edit_merge_by(dgfemi_edit *edit, const dgfemi_merge_rule *rule, int all, int *merged) {
+    const dgfem_hooks *hooks = &edit->body->hooks;
+    dgfemi_arena arena = dgfemi_arena_make(hooks);
+    dgfemi_merger merger;
+    dgfem_status status = DGFEM_OK;
+    memset(&merger, 0, sizeof merger);
+    merger.rule = *rule;
+    merger.rule.user = edit;
+    *merged = 0;
+    char *parts = (char *)dgfemi_arena_allocate(&arena, (size_t)edit->mesh->element_count, 1);
+    if (!parts || !dgfemi_edit_mark_parts(edit, parts)) status = dgfemi_fail_memory(hooks);
+    if (!rule->candidate && !all) merger.rule.candidate = parts;
+    if (!status && dgfemi_mesh_count_slivers(edit->mesh, &merger.rule) > 0)
+        status = dgfemi_edit_run_merger(edit, &merger, &arena, merged);
+    dgfemi_arena_free(&arena);
+    return status;
+}
+
+/* Merges the parts of elements that were split (all: all elements) that are slivers by the ratio, and counts
+   them. */
+static dgfem_status dgfemi_edit_merge(dgfemi_edit *edit, dgfem_real ratio, int all, int *merged) {
+    dgfemi_merge_rule rule;
+    memset(&rule, 0, sizeof rule);
+    rule.ratio = ratio;
+    rule.allows = dgfemi_edit_allows;
+    return dgfemi_edit_merge_by(edit, &rule, all, merged);
+}
+
+/* ==== renew.c ===================================================================================================== */
+
+/* Editing a body, second half: everything that the edited mesh needs is made beside the body, which then takes it over.
+
+   An element whose region and degree are unchanged keeps its integrals, its centre and its coefficients, bit for bit;
+   so does a face between two such elements. Matrix and symbolic factorization are kept where the graph is unchanged.
+   New integrals go into the body's own pool, and are given back to it when something fails. */
+
+typedef struct dgfemi_renewal {
+    dgfemi_edit *edit;
+    dgfem_body *body;                   /* as it is */
+    dgfem_body next;                    /* as it will be */
+    dgfemi_arena arena;                 /* for the maps */
+    int *use;                           /* [fields] elements that have the field */
+    int *field;                         /* [elements] */
+    char *whole;                        /* [elements] 1: its region is that of its source, */
+    char *kept;                         /* and so is its degree */
+    int *element_start, *element_child; /* the new elements that have parts of each element of the body */
+    int *face_start, *face_child;       /* the new faces that are parts of each face of the body */
+    char *chunk_kept;                   /* [face forms of the body] 1: a new form has its integrals */
+    char *chunk_new;                    /* [new face forms] 1: has integrals of its own */
+    int elements_done;                  /* elements whose integrals are made or taken over */
+    int **items;                        /* [conditions] new items; NULL until made */
+    int *item_count;
+    dgfem_vec3 **values; /* [conditions] new values of held elements, or NULL */
+    int solver_kept;
+} dgfemi_renewal;
+
+/* ---- maps from the body to the edited mesh ---- */
+
+/* Lists 0 <= i < count by key(i); key DGFEM_NONE is left out. start has `keys` + 1 items. */
+static void dgfemi_list_by_key(const int *key, int count, int keys, int *start, int *list) {
+    for (int i = 0; i < count; i++)
+        if (key[i] != DGFEM_NONE) start[key[i]]++;
+    for (int k = 1; k <= keys; k++) start[k] += start[k - 1];
+    for (int i = count - 1; i >= 0; i--)
+        if (key[i] != DGFEM_NONE) list[--start[key[i]]] = i;
+}
+
+static int dgfemi_field_members(const dgfemi_edit *edit, const dgfemi_field *field, const int **members) {
+    if (field->source == DGFEM_NONE) {
+        *members = edit->members.data + field->member_start;
+        return field->member_count;
+    }
+    *members = &field->source;
+    return 1;
+}
+
+static int dgfemi_renewal_map_elements(dgfemi_renewal *r) {
+    const dgfemi_edit *edit = r->edit;
+    const dgfem_mesh *mesh = r->next.mesh;
+    const int *members;
+    int old = r->body->mesh->element_count, n = mesh->element_count, total = 0;
+    r->use = (int *)dgfemi_arena_allocate_zero(&r->arena, (size_t)edit->field_count, sizeof(int));
+    r->field = (int *)dgfemi_arena_allocate(&r->arena, (size_t)n, sizeof(int));
+    r->whole = (char *)dgfemi_arena_allocate(&r->arena, (size_t)n, 1);
+    r->kept = (char *)dgfemi_arena_allocate(&r->arena, (size_t)n, 1);
+    r->element_start = (int *)dgfemi_arena_allocate_zero(&r->arena, (size_t)old + 1, sizeof(int));
+    if (!r->use || !r->field || !r->whole || !r->kept || !r->element_start) return 0;
+    for (int e = 0; e < n; e++) {
+        const dgfemi_field *field = &edit->fields[mesh->elements[e].tag];
+        int count = dgfemi_field_members(edit, field, &members);
+        r->field[e] = mesh->elements[e].tag;
+        r->use[r->field[e]]++;
+        for (int i = 0; i < count; i++) r->element_start[members[i]]++;
+        total += count;
+    }
+    for (int k = 1; k <= old; k++) r->element_start[k] += r->element_start[k - 1];
+    r->element_child = (int *)dgfemi_arena_allocate(&r->arena, (size_t)total, sizeof(int));
+    if (!r->element_child) return 0;
+    for (int e = n - 1; e >= 0; e--) {
+        const dgfemi_field *field = &edit->fields[r->field[e]];
+        int count = dgfemi_field_members(edit, field, &members);
+        for (int i = 0; i < count; i++) r->element_child[--r->element_start[members[i]]] = e;
+        r->whole[e] = field->source != DGFEM_NONE && !field->divided && r->use[r->field[e]] == 1;
+        r->kept[e] = r->whole[e] && field->next_degree == field->degree;
+    }
+    return 1;
+}
+
+static int dgfemi_renewal_map_faces(dgfemi_renewal *r) {
+    const dgfem_mesh *mesh = r->next.mesh;
+    int old = r->body->mesh->face_count;
+    int *key = (int *)dgfemi_arena_allocate(&r->arena, (size_t)mesh->face_count, sizeof(int));
+    r->face_start = (int *)dgfemi_arena_allocate_zero(&r->arena, (size_t)old + 1, sizeof(int));
+    r->face_child = (int *)dgfemi_arena_allocate(&r->arena, (size_t)mesh->face_count, sizeof(int));
+    if (!key || !r->face_start || !r->face_child) return 0;
+    for (int f = 0; f < mesh->face_count; f++) key[f] = mesh->faces[f].tag;
+    dgfemi_list_by_key(key, mesh->face_count, old, r->face_start, r->face_child);
+    return 1;
+}
+
+/* The caller's tags take the place of the edit's. A part inherits, a union has the tag of its first member. */
+static void dgfemi_renewal_restore_tags(dgfemi_renewal *r) {
+    dgfem_mesh *mesh = r->next.mesh;
+    const dgfem_mesh *old = r->body->mesh;
+    for (int e = 0; e < mesh->element_count; e++)
+        mesh->elements[e].tag = old->elements[dgfemi_field_element(r->edit, &r->edit->fields[r->field[e]])].tag;
+    for (int f = 0; f < mesh->face_count; f++) {
+        int tag = mesh->faces[f].tag;
+        mesh->faces[f].tag = tag == DGFEM_NONE ? DGFEM_NONE : old->faces[tag].tag;
+    }
+}
+
+/* ---- state ---- */
+
+static int dgfemi_renewal_make_elements(dgfemi_renewal *r) {
+    const dgfem_body *body = r->body;
+    dgfem_body *next = &r->next;
+    int n = next->mesh->element_count, start = 0;
+    if (!dgfemi_body_allocate(next, n)) return 0;
+    for (int e = 0; e < n; e++) {
+        const dgfemi_field *field = &r->edit->fields[r->field[e]];
+        int source = dgfemi_field_element(r->edit, field);
+        next->degree[e] = field->next_degree;
+        next->material[e] = body->material[source];
+        next->rotation[e] = body->rotation[source];
+        next->origin[e] = r->whole[e] ? body->origin[source] : next->mesh->elements[e].centre;
+        next->scale[e] = r->whole[e] ? body->scale[source] : next->mesh->elements[e].radius;
+        next->basis_start[e] = start;
+        start += dgfem_monomial_count(field->next_degree);
+    }
+    next->basis_start[n] = next->basis_count = start;
+    return dgfemi_body_allocate_state(next);
+}
 
 /* u_new of one element. The new basis is the first part of the old one or the other way round, so raising adds zeros
    and lowering solves M_new u_new = (first rows of M_old) u_old, with M_new the first rows and columns of M_old. */
@@ -14986,167 +16386,1208 @@ static void dgfemi_project_degree(const dgfem_real *mass, int n_old, int n_new, 
     dgfemi_cholesky_dense_solve(m, n_new, (dgfem_real *)(void *)out, 3);
 }
 
-/* The new forms of a face: copied where both sides kept their degree, else integrated, with the ghost of a held face
-   carried over. 0 when out of memory. */
-static int dgfemi_renew_face_form(const dgfem_body *old, const dgfem_body *body, const dgfemi_face_form *from,
-                                  dgfemi_face_form *to) {
-    int a = from->element[0], b = from->element[1];
-    *to = *from;
-    if (old->degree[a] == body->degree[a] && (b == DGFEM_NONE || old->degree[b] == body->degree[b])) {
-        size_t size = dgfemi_face_form_size(from);
-        if (!dgfemi_forms_take(body->forms, &body->hooks, size, &to->data)) return 0;
-        memcpy(body->forms->data + to->data, old->forms->data + from->data, size * sizeof(dgfem_real));
+/* Writes the polynomial `in` of the element's field in the element's new centre, scale and degree. */
+static void dgfemi_renewal_move(const dgfemi_renewal *r, int element, const dgfem_vec3 *in, dgfem_vec3 *out) {
+    const dgfem_body *next = &r->next;
+    const dgfemi_field *field = &r->edit->fields[r->field[element]];
+    int n_old = dgfem_monomial_count(field->degree), n_new = dgfem_monomial_count(field->next_degree);
+    dgfem_real mass[DGFEM_MAX_BASIS * DGFEM_MAX_BASIS], moments[DGFEM_MAX_MOMENTS];
+    dgfem_vec3 moved[DGFEM_MAX_BASIS];
+    if (r->kept[element]) {
+        memcpy(out, in, (size_t)n_old * sizeof *out);
+        return;
+    }
+    dgfemi_move_polynomial(field->degree, field->origin, field->scale, in, next->origin[element], next->scale[element],
+                           moved);
+    if (n_new < n_old) {
+        dgfemi_element_moments(next->mesh, element, 2 * field->degree, next->origin[element], next->scale[element],
+                               moments);
+        for (int i = 0; i < n_old; i++)
+            for (int j = 0; j < n_old; j++) mass[i * n_old + j] = moments[dgfemi_product_index(i, j)];
+    }
+    dgfemi_project_degree(mass, n_old, n_new, moved, out);
+}
+
+/* The families that elements still belong to, and those that these come from, numbered anew; none at all: no arrays. */
+static int dgfemi_renewal_make_families(dgfemi_renewal *r) {
+    const dgfemi_ints *parents = &r->edit->families;
+    dgfem_body *next = &r->next;
+    int n = next->mesh->element_count, count = 0;
+    if (parents->count == 0) return 1;
+    int *number = (int *)dgfemi_arena_allocate_zero(&r->arena, (size_t)parents->count, sizeof(int));
+    if (!number) return 0;
+    for (int e = 0; e < n; e++)
+        for (int k = r->edit->fields[r->field[e]].family; k != DGFEM_NONE && number[k] == 0; k = parents->data[k])
+            number[k] = ++count;
+    if (count == 0) return 1;
+    next->family = (int *)dgfemi_allocate(&r->body->hooks, (size_t)n, sizeof(int));
+    next->family_parent = (int *)dgfemi_allocate(&r->body->hooks, (size_t)count, sizeof(int));
+    if (!next->family || !next->family_parent) return 0;
+    next->family_count = count;
+    for (int e = 0; e < n; e++) {
+        int k = r->edit->fields[r->field[e]].family;
+        next->family[e] = k == DGFEM_NONE ? DGFEM_NONE : number[k] - 1;
+    }
+    for (int k = 0; k < parents->count; k++)
+        if (number[k] > 0)
+            next->family_parent[number[k] - 1] =
+                parents->data[k] == DGFEM_NONE ? DGFEM_NONE : number[parents->data[k]] - 1;
+    return 1;
+}
+
+static void dgfemi_renewal_move_state(dgfemi_renewal *r) {
+    const dgfemi_edit *edit = r->edit;
+    dgfem_body *next = &r->next;
+    for (int e = 0; e < next->mesh->element_count; e++) {
+        const dgfemi_field *field = &edit->fields[r->field[e]];
+        dgfemi_renewal_move(r, e, dgfemi_field_displacement(edit, field), next->displacement + next->basis_start[e]);
+        dgfemi_renewal_move(r, e, dgfemi_field_velocity(edit, field), next->velocity + next->basis_start[e]);
+    }
+}
+
+/* ---- integrals ---- */
+
+static int dgfemi_renewal_element_forms(dgfemi_renewal *r) {
+    dgfem_forms *forms = r->next.forms;
+    for (; r->elements_done < r->next.mesh->element_count; r->elements_done++) {
+        int e = r->elements_done;
+        if (r->kept[e]) forms->elements[e] = r->body->forms->elements[r->edit->fields[r->field[e]].source];
+        else if (!dgfemi_forms_set_element(&r->next, forms, e)) return 0;
+    }
+    return 1;
+}
+
+/* The face form of the body that a new one between the same sides may take over, if it has one; else DGFEM_NONE. */
+static int dgfemi_renewal_find_form(const dgfemi_renewal *r, const int *form_of_face, int tag, const dgfem_face *face) {
+    if (tag == DGFEM_NONE || form_of_face[tag] == DGFEM_NONE || r->face_start[tag + 1] - r->face_start[tag] != 1)
+        return DGFEM_NONE;
+    if (!r->kept[face->element[0]] || (face->element[1] != DGFEM_NONE && !r->kept[face->element[1]])) return DGFEM_NONE;
+    const dgfemi_face_form *form = &r->body->forms->faces[form_of_face[tag]];
+    int a = r->edit->fields[r->field[face->element[0]]].source;
+    return form->element[0] == a ? form_of_face[tag] : DGFEM_NONE; /* sides may have been exchanged */
+}
+
+/* Carries the prescribed polynomial of a held face over to a part of it. */
+static void dgfemi_renewal_move_ghost(const dgfemi_renewal *r, const dgfemi_face_form *from, dgfemi_face_form *to) {
+    dgfem_forms *forms = r->next.forms;
+    const dgfem_face *old = &r->body->mesh->faces[from->face], *face = &r->next.mesh->faces[to->face];
+    dgfem_vec3 in[DGFEM_MAX_BASIS], out[DGFEM_MAX_BASIS];
+    int n = from->count[1], kept = n < to->count[1] ? n : to->count[1], degree = n == 4 ? 1 : n == 10 ? 2 : 3;
+    memcpy(in, dgfemi_form_ghost(forms, from), (size_t)n * sizeof *in); /* by the pool where it is now */
+    dgfemi_move_polynomial(degree, old->centre, dgfemi_face_radius(r->body->mesh, old), in, face->centre,
+                           dgfemi_face_radius(r->next.mesh, face), out);
+    memcpy(dgfemi_form_ghost(forms, to), out, (size_t)kept * sizeof *out);
+}
+
+/* Appends the form of a new face: the body's form `from`, if it can be taken over, else new integrals. `held` is the
+   body's form of the held face that it is a part of, or DGFEM_NONE. 0 when out of memory. */
+static int dgfemi_renewal_add_form(dgfemi_renewal *r, int face, int from, int held) {
+    const dgfem_forms *old = r->body->forms;
+    dgfem_forms *forms = r->next.forms;
+    const dgfem_face *f = &r->next.mesh->faces[face];
+    dgfemi_face_form *form = &forms->faces[forms->face_count];
+    if (from != DGFEM_NONE) {
+        *form = old->faces[from];
+        form->face = face;
+        form->element[0] = f->element[0], form->element[1] = f->element[1];
+        r->chunk_kept[from] = 1;
+        r->chunk_new[forms->face_count++] = 0;
         return 1;
     }
-    if (!dgfemi_forms_set_face(body, body->forms, to)) return 0;
-    if (b == DGFEM_NONE) {
-        int kept = from->count[1] < to->count[1] ? from->count[1] : to->count[1];
-        memcpy(dgfemi_form_ghost(body->forms, to), dgfemi_form_ghost(old->forms, from),
-               (size_t)kept * sizeof(dgfem_vec3));
-    }
+    int condition = held == DGFEM_NONE ? DGFEM_NONE : old->faces[held].condition;
+    int normal_only = held == DGFEM_NONE ? 0 : old->faces[held].normal_only;
+    DGFEM_ASSERT(forms->face_count < forms->face_capacity);
+    if (dgfemi_forms_add_face(&r->next, forms, face, condition, normal_only) == DGFEM_NONE) return 0;
+    r->chunk_new[forms->face_count - 1] = 1;
+    if (held != DGFEM_NONE) dgfemi_renewal_move_ghost(r, &old->faces[held], &forms->faces[forms->face_count - 1]);
     return 1;
 }
 
-static int dgfemi_renew_forms(const dgfem_body *old, dgfem_body *body) {
-    const dgfem_hooks *hooks = &body->hooks;
-    dgfem_forms *forms = (dgfem_forms *)dgfemi_allocate_zero(hooks, 1, sizeof *forms);
-    body->forms = forms;
-    if (!forms) return 0;
-    int elements = body->mesh->element_count, faces = old->forms->face_count;
-    forms->elements = (dgfemi_element_form *)dgfemi_allocate(hooks, (size_t)elements, sizeof *forms->elements);
-    forms->faces = (dgfemi_face_form *)dgfemi_allocate(hooks, (size_t)faces, sizeof *forms->faces);
-    if (!forms->elements || !forms->faces) return 0;
-    forms->face_capacity = faces;
-    for (int e = 0; e < elements; e++) {
-        if (old->degree[e] != body->degree[e]) {
-            if (!dgfemi_forms_set_element(body, forms, e)) return 0;
-            continue;
-        }
-        size_t size = dgfemi_element_form_size(old->forms->elements[e].count);
-        forms->elements[e] = old->forms->elements[e];
-        if (!dgfemi_forms_take(forms, hooks, size, &forms->elements[e].data)) return 0;
-        memcpy(forms->data + forms->elements[e].data, old->forms->data + old->forms->elements[e].data,
-               size * sizeof(dgfem_real));
-    }
-    for (; forms->face_count < faces; forms->face_count++)
-        if (!dgfemi_renew_face_form(old, body, &old->forms->faces[forms->face_count], &forms->faces[forms->face_count]))
+static int dgfemi_renewal_face_forms(dgfemi_renewal *r) {
+    const dgfem_forms *old = r->body->forms;
+    const dgfem_mesh *mesh = r->next.mesh;
+    int *form_of_face = (int *)dgfemi_arena_allocate(&r->arena, (size_t)r->body->mesh->face_count, sizeof(int));
+    if (!form_of_face) return 0;
+    for (int f = 0; f < r->body->mesh->face_count; f++) form_of_face[f] = DGFEM_NONE;
+    for (int k = 0; k < old->face_count; k++) form_of_face[old->faces[k].face] = k;
+    for (int f = 0; f < mesh->face_count; f++) {
+        const dgfem_face *face = &mesh->faces[f];
+        if (face->element[1] == DGFEM_NONE || face->cut) continue;
+        if (!dgfemi_renewal_add_form(r, f, dgfemi_renewal_find_form(r, form_of_face, face->tag, face), DGFEM_NONE))
             return 0;
-    return 1;
-}
-
-static void dgfemi_project_state(const dgfem_body *old, dgfem_body *body) {
-    for (int e = 0; e < body->mesh->element_count; e++) {
-        const dgfem_real *mass = dgfemi_form_mass(old->forms, e);
-        int from = old->basis_start[e], to = body->basis_start[e];
-        int n_old = dgfemi_element_basis(old, e), n_new = dgfemi_element_basis(body, e);
-        dgfemi_project_degree(mass, n_old, n_new, old->displacement + from, body->displacement + to);
-        dgfemi_project_degree(mass, n_old, n_new, old->velocity + from, body->velocity + to);
     }
-}
-
-/* New values of held elements, in the order of the conditions; NULL entries for the other kinds. 0 when out of
-   memory. */
-static int dgfemi_renew_values(const dgfem_body *old, const dgfem_body *body, dgfem_vec3 **values) {
-    for (int c = 0; c < old->condition_count; c++) {
-        const dgfem_condition *condition = &old->conditions[c];
-        size_t count = 0;
-        if (condition->kind != DGFEM_CONDITION_FIX_ELEMENTS) continue;
-        for (int i = 0; i < condition->count; i++) count += (size_t)dgfemi_element_basis(body, condition->items[i]);
-        values[c] = (dgfem_vec3 *)dgfemi_allocate(&body->hooks, count, sizeof(dgfem_vec3));
-        if (!values[c]) return 0;
-        const dgfem_vec3 *from = condition->values;
-        dgfem_vec3 *to = values[c];
-        for (int i = 0; i < condition->count; i++) {
-            int e = condition->items[i], n_old = dgfemi_element_basis(old, e), n_new = dgfemi_element_basis(body, e);
-            dgfemi_project_degree(dgfemi_form_mass(old->forms, e), n_old, n_new, from, to);
-            from += n_old, to += n_new;
+    for (int k = 0; k < old->face_count; k++) {
+        int tag = old->faces[k].face;
+        if (old->faces[k].condition == DGFEM_NONE) continue;
+        for (int i = r->face_start[tag]; i < r->face_start[tag + 1]; i++) {
+            int f = r->face_child[i];
+            if (!dgfemi_renewal_add_form(r, f, dgfemi_renewal_find_form(r, form_of_face, tag, &mesh->faces[f]), k))
+                return 0;
         }
     }
     return 1;
 }
 
-/* Everything of the body that depends on degrees, made anew in `body`, a copy of `old` in which those members are
-   NULL. */
-static dgfem_status dgfemi_renew_body(const dgfem_body *old, dgfem_body *body, const int *degrees,
-                                      dgfem_vec3 **values) {
-    size_t n = (size_t)body->mesh->element_count;
-    body->degree = (int *)dgfemi_duplicate(&body->hooks, degrees, n, sizeof(int));
-    body->basis_start = (int *)dgfemi_allocate(&body->hooks, n + 1, sizeof(int));
-    if (!body->degree || !body->basis_start) return DGFEM_ERROR_MEMORY;
-    body->basis_start[0] = 0;
-    for (size_t e = 0; e < n; e++) body->basis_start[e + 1] = body->basis_start[e] + dgfem_monomial_count(degrees[e]);
-    body->basis_count = body->basis_start[n];
-    if (!dgfemi_body_allocate_state(body) || !dgfemi_renew_forms(old, body)) return DGFEM_ERROR_MEMORY;
-    dgfemi_project_state(old, body);
-    if (!dgfemi_renew_values(old, body, values)) return DGFEM_ERROR_MEMORY;
-    dgfem_status status = dgfemi_body_create_solver(body);
-    if (!status && old->contacts) status = dgfemi_contacts_renew(old->contacts, body, &body->contacts);
-    return status;
+/* The new forms share the body's pool from here until they are accepted or dropped. */
+static int dgfemi_renewal_make_forms(dgfemi_renewal *r) {
+    const dgfem_hooks *hooks = &r->body->hooks;
+    const dgfem_forms *old = r->body->forms;
+    const dgfem_mesh *mesh = r->next.mesh;
+    size_t faces = 0;
+    for (int f = 0; f < mesh->face_count; f++) faces += mesh->faces[f].element[1] != DGFEM_NONE && !mesh->faces[f].cut;
+    for (int k = 0; k < old->face_count; k++)
+        if (old->faces[k].condition != DGFEM_NONE)
+            faces += (size_t)(r->face_start[old->faces[k].face + 1] - r->face_start[old->faces[k].face]);
+    r->chunk_kept = (char *)dgfemi_arena_allocate_zero(&r->arena, (size_t)old->face_count, 1);
+    r->chunk_new = (char *)dgfemi_arena_allocate(&r->arena, faces, 1);
+    dgfem_forms *forms = (dgfem_forms *)dgfemi_duplicate(hooks, old, 1, sizeof *forms);
+    if (!r->chunk_kept || !r->chunk_new || !forms) {
+        dgfemi_free(hooks, forms);
+        return 0;
+    }
+    r->next.forms = forms;
+    forms->elements =
+        (dgfemi_element_form *)dgfemi_allocate(hooks, (size_t)mesh->element_count, sizeof *forms->elements);
+    forms->faces = (dgfemi_face_form *)dgfemi_allocate(hooks, faces, sizeof *forms->faces);
+    forms->face_count = 0, forms->face_capacity = (int)faces;
+    return forms->elements && forms->faces && dgfemi_renewal_element_forms(r) && dgfemi_renewal_face_forms(r);
 }
 
-/* Frees the members that dgfemi_renew_body makes. */
-static void dgfemi_free_renewed(dgfem_body *body) {
-    dgfem_hooks hooks = body->hooks;
+/* Gives integrals back to the pool: those made for the edit, or those of the body that the edit has no use for. */
+static void dgfemi_renewal_give(dgfemi_renewal *r, int made) {
+    const dgfem_hooks *hooks = &r->body->hooks;
+    dgfem_forms *forms = r->next.forms;
+    const dgfem_forms *old = r->body->forms;
+    if (made) {
+        for (int e = 0; e < r->elements_done; e++)
+            if (!r->kept[e])
+                dgfemi_forms_give(forms, hooks, dgfemi_element_form_size(forms->elements[e].count),
+                                  forms->elements[e].data);
+        for (int k = 0; k < forms->face_count; k++)
+            if (r->chunk_new[k])
+                dgfemi_forms_give(forms, hooks, dgfemi_face_form_size(&forms->faces[k]), forms->faces[k].data);
+        return;
+    }
+    for (int e = 0; e < r->body->mesh->element_count; e++) {
+        int first = r->element_start[e], count = r->element_start[e + 1] - first;
+        if (count == 1 && r->kept[r->element_child[first]]) continue;
+        dgfemi_forms_give(forms, hooks, dgfemi_element_form_size(old->elements[e].count), old->elements[e].data);
+    }
+    for (int k = 0; k < old->face_count; k++)
+        if (!r->chunk_kept[k])
+            dgfemi_forms_give(forms, hooks, dgfemi_face_form_size(&old->faces[k]), old->faces[k].data);
+}
+
+/* ---- conditions ---- */
+
+static int dgfemi_condition_is_on_faces(dgfem_condition_kind kind) {
+    return kind == DGFEM_CONDITION_FIX_FACES || kind == DGFEM_CONDITION_FIX_NORMAL ||
+           kind == DGFEM_CONDITION_TRACTION || kind == DGFEM_CONDITION_PRESSURE;
+}
+
+/* The part of an element that contains a point; where round-off lets none do so, the one with the nearest centre. */
+static int dgfemi_renewal_find_part(const dgfemi_renewal *r, int element, dgfem_vec3 x) {
+    const dgfem_mesh *mesh = r->next.mesh;
+    int best = r->element_child[r->element_start[element]];
+    if (r->element_start[element + 1] - r->element_start[element] == 1) return best;
+    for (int i = r->element_start[element]; i < r->element_start[element + 1]; i++) {
+        int e = r->element_child[i];
+        if (dgfemi_element_contains(mesh, e, x)) return e;
+        if (dgfemi_distance(mesh->elements[e].centre, x) < dgfemi_distance(mesh->elements[best].centre, x)) best = e;
+    }
+    return best;
+}
+
+/* The new items of condition c: all parts of its faces or elements; of a point, the part that contains it. */
+static int dgfemi_renewal_make_items(dgfemi_renewal *r, int c, int *mark) {
+    const dgfem_condition *condition = &r->body->conditions[c];
+    int faces = dgfemi_condition_is_on_faces(condition->kind), count = 0;
+    const int *start = faces ? r->face_start : r->element_start, *child = faces ? r->face_child : r->element_child;
+    int point = condition->kind == DGFEM_CONDITION_PIN || condition->kind == DGFEM_CONDITION_FORCE;
+    size_t room = 0;
+    for (int i = 0; i < condition->count; i++)
+        room += (size_t)(start[condition->items[i] + 1] - start[condition->items[i]]);
+    int *items = (int *)dgfemi_allocate(&r->body->hooks, point ? 1 : room, sizeof(int));
+    r->items[c] = items;
+    if (!items) return 0;
+    if (point) items[count++] = dgfemi_renewal_find_part(r, condition->items[0], condition->point);
+    for (int i = 0; !point && i < condition->count; i++)
+        for (int k = start[condition->items[i]]; k < start[condition->items[i] + 1]; k++) {
+            if (!faces && mark[child[k]] == c + 1) continue; /* a union of two items */
+            if (!faces) mark[child[k]] = c + 1;
+            items[count++] = child[k];
+        }
+    r->item_count[c] = count;
+    return 1;
+}
+
+/* The new values of a condition that holds elements. */
+static int dgfemi_renewal_make_values(dgfemi_renewal *r, int c) {
+    const dgfem_condition *condition = &r->body->conditions[c];
+    const dgfem_vec3 *from = condition->values;
+    size_t count = 0;
+    for (int i = 0; i < r->item_count[c]; i++) count += (size_t)dgfemi_element_basis(&r->next, r->items[c][i]);
+    dgfem_vec3 *to = (dgfem_vec3 *)dgfemi_allocate(&r->body->hooks, count, sizeof *to);
+    r->values[c] = to;
+    if (!to) return 0;
+    for (int i = 0; i < condition->count; i++) {
+        int element = condition->items[i];
+        for (int k = r->element_start[element]; k < r->element_start[element + 1]; k++) {
+            dgfemi_renewal_move(r, r->element_child[k], from, to);
+            to += dgfemi_element_basis(&r->next, r->element_child[k]);
+        }
+        from += dgfemi_element_basis(r->body, element);
+    }
+    return 1;
+}
+
+static int dgfemi_renewal_make_conditions(dgfemi_renewal *r) {
+    size_t count = (size_t)r->body->condition_count;
+    int *mark = (int *)dgfemi_arena_allocate_zero(&r->arena, (size_t)r->next.mesh->element_count, sizeof(int));
+    r->item_count = (int *)dgfemi_arena_allocate_zero(&r->arena, count, sizeof(int));
+    r->values = (dgfem_vec3 **)dgfemi_arena_allocate_zero(&r->arena, count, sizeof *r->values);
+    r->items = (int **)dgfemi_arena_allocate_zero(&r->arena, count, sizeof *r->items);
+    if (!mark || !r->item_count || !r->values || !r->items) {
+        r->items = NULL;
+        return 0;
+    }
+    for (int c = 0; c < r->body->condition_count; c++) {
+        if (!dgfemi_renewal_make_items(r, c, mark)) return 0;
+        if (r->body->conditions[c].kind == DGFEM_CONDITION_FIX_ELEMENTS && !dgfemi_renewal_make_values(r, c)) return 0;
+    }
+    return 1;
+}
+
+/* ---- solver ---- */
+
+static int dgfemi_same_pattern(const dgfem_matrix *a, const dgfem_matrix *b) {
+    size_t n = (size_t)a->block_count;
+    if (a->block_count != b->block_count || a->row_start[n] != b->row_start[n]) return 0;
+    return memcmp(a->offset, b->offset, (n + 1) * sizeof(int)) == 0 &&
+           memcmp(a->row_start, b->row_start, (n + 1) * sizeof(int)) == 0 &&
+           memcmp(a->column, b->column, (size_t)a->row_start[n] * sizeof(int)) == 0;
+}
+
+static dgfem_status dgfemi_renewal_make_solver(dgfemi_renewal *r) {
+    dgfem_status status = dgfemi_body_create_matrix(&r->next);
+    if (status) return status;
+    r->solver_kept = dgfemi_same_pattern(r->body->matrix, r->next.matrix);
+    if (!r->solver_kept) return dgfemi_body_create_factor(&r->next);
+    dgfem_matrix_destroy(r->next.matrix);
+    r->next.matrix = r->body->matrix, r->next.cholesky = r->body->cholesky, r->next.work = r->body->work;
+    return DGFEM_OK;
+}
+
+/* ---- all of it ---- */
+
+/* Frees the members that a renewal makes; those of `body` that it has replaced, or those of `next` that came to
+   nothing. */
+static void dgfemi_renewal_free_body(dgfemi_renewal *r, dgfem_body *body) {
+    dgfem_hooks hooks = r->body->hooks;
     dgfemi_free(&hooks, body->degree);
+    dgfemi_free(&hooks, body->material);
+    dgfemi_free(&hooks, body->origin);
+    dgfemi_free(&hooks, body->scale);
+    dgfemi_free(&hooks, body->rotation);
     dgfemi_free(&hooks, body->basis_start);
     dgfemi_free(&hooks, body->displacement);
     dgfemi_free(&hooks, body->velocity);
     dgfemi_free(&hooks, body->force);
-    dgfemi_free(&hooks, body->work);
-    dgfemi_forms_destroy(body->forms, &hooks);
+    dgfemi_free(&hooks, body->family);
+    dgfemi_free(&hooks, body->family_parent);
     dgfemi_contacts_destroy(body->contacts);
+    if (r->solver_kept) return;
+    dgfemi_free(&hooks, body->work);
     dgfem_matrix_destroy(body->matrix);
     dgfem_cholesky_destroy(body->cholesky);
 }
 
-static dgfem_status dgfemi_set_degrees(dgfem_body *body, const int *degrees) {
-    dgfemi_arena arena = dgfemi_arena_make(&body->hooks);
-    dgfem_body next = *body, last = *body;
-    dgfem_vec3 **values =
-        (dgfem_vec3 **)dgfemi_arena_allocate_zero(&arena, (size_t)body->condition_count, sizeof *values);
-    if (!values) return dgfemi_fail_memory(&body->hooks);
-    next.degree = next.basis_start = NULL;
-    next.displacement = next.velocity = next.force = NULL;
-    next.work = NULL, next.forms = NULL, next.contacts = NULL, next.matrix = NULL, next.cholesky = NULL;
-    next.revision++; /* contact points are embedded in the new revision */
-    dgfem_status status = dgfemi_renew_body(body, &next, degrees, values);
-    if (status) {
-        for (int c = 0; c < body->condition_count; c++) dgfemi_free(&body->hooks, values[c]);
-        dgfemi_free_renewed(&next);
-        dgfemi_arena_free(&arena);
-        return status == DGFEM_ERROR_MEMORY ? dgfemi_fail_memory(&body->hooks) : status;
+/* Drops the renewal. The body is as before, but for a pool that may have grown. */
+static void dgfemi_renewal_abort(dgfemi_renewal *r) {
+    const dgfem_hooks *hooks = &r->body->hooks;
+    dgfem_forms *forms = r->next.forms, *old = r->body->forms;
+    if (forms) {
+        dgfemi_renewal_give(r, 1);
+        dgfemi_free(hooks, forms->elements);
+        dgfemi_free(hooks, forms->faces);
+        forms->elements = old->elements, forms->faces = old->faces;
+        forms->face_count = old->face_count, forms->face_capacity = old->face_capacity;
+        *old = *forms;
+        dgfemi_free(hooks, forms);
     }
-    *body = next;
+    for (int c = 0; r->items && c < r->body->condition_count; c++) {
+        dgfemi_free(hooks, r->items[c]);
+        dgfemi_free(hooks, r->values[c]);
+    }
+    dgfemi_renewal_free_body(r, &r->next);
+    dgfemi_arena_free(&r->arena);
+}
+
+/* Makes everything that the edited mesh needs; the edit's mesh is compacted. On failure all is dropped. */
+static dgfem_status dgfemi_renewal_make(dgfemi_renewal *r, dgfemi_edit *edit, dgfem_body *body) {
+    dgfem_body *next = &r->next;
+    dgfem_status status = dgfemi_mesh_compact(edit->mesh);
+    if (status) return status;
+    memset(r, 0, sizeof *r);
+    r->edit = edit, r->body = body;
+    r->arena = dgfemi_arena_make(&body->hooks);
+    *next = *body;
+    next->mesh = edit->mesh;
+    next->revision++; /* what is embedded is embedded in the new revision */
+    next->degree = next->basis_start = NULL;
+    next->material = NULL, next->origin = NULL, next->scale = NULL, next->rotation = NULL;
+    next->displacement = next->velocity = next->force = NULL;
+    next->family = next->family_parent = NULL, next->family_count = 0;
+    next->forms = NULL, next->contacts = NULL, next->matrix = NULL, next->cholesky = NULL, next->work = NULL;
+    status = DGFEM_ERROR_MEMORY;
+    if (dgfemi_renewal_map_elements(r) && dgfemi_renewal_map_faces(r) && dgfemi_renewal_make_elements(r) &&
+        dgfemi_renewal_make_families(r) && dgfemi_renewal_make_forms(r)) {
+        dgfemi_renewal_move_state(r);
+        if (dgfemi_renewal_make_conditions(r)) status = dgfemi_renewal_make_solver(r);
+    }
+    int silent = status == DGFEM_ERROR_MEMORY;
+    if (!status) dgfemi_renewal_restore_tags(r);
+    if (!status && body->contacts) status = dgfemi_contacts_renew(body->contacts, next, &next->contacts);
+    if (!status) return DGFEM_OK;
+    dgfemi_renewal_abort(r);
+    return silent ? dgfemi_fail_memory(&body->hooks) : status;
+}
+
+/* Swaps: the body is the edited one. Cannot fail. */
+static void dgfemi_renewal_accept(dgfemi_renewal *r) {
+    const dgfem_hooks *hooks = &r->body->hooks;
+    dgfem_body *body = r->body, last = *body;
+    dgfemi_renewal_give(r, 0);
     for (int c = 0; c < body->condition_count; c++) {
-        if (!values[c]) continue;
-        dgfemi_free(&body->hooks, body->conditions[c].values);
-        body->conditions[c].values = values[c];
+        dgfem_condition *condition = &body->conditions[c];
+        dgfemi_free(hooks, condition->items);
+        condition->items = r->items[c];
+        condition->count = r->item_count[c];
+        if (!r->values[c]) continue;
+        dgfemi_free(hooks, condition->values);
+        condition->values = r->values[c];
     }
+    *body = r->next;
+    r->edit->mesh = last.mesh; /* which is freed with the edit */
     dgfemi_update_force(body);
-    dgfemi_free_renewed(&last);
-    dgfemi_arena_free(&arena);
-    return DGFEM_OK;
+    dgfemi_free(hooks, last.forms->elements);
+    dgfemi_free(hooks, last.forms->faces);
+    dgfemi_free(hooks, last.forms);
+    dgfemi_renewal_free_body(r, &last);
+    dgfemi_arena_free(&r->arena);
+}
+
+/* Ends an edit that came so far: the body is the edited one, or as it was. */
+static dgfem_status dgfemi_edit_finish(dgfemi_edit *edit, dgfem_body *body) {
+    dgfemi_renewal renewal;
+    dgfem_status status = dgfemi_renewal_make(&renewal, edit, body);
+    if (!status) dgfemi_renewal_accept(&renewal);
+    return status;
+}
+
+/* ==== degree.c ==================================================================================================== */
+
+/* Changing the polynomial degree of elements while the body lives: coefficients are kept exactly when the degree is
+   raised and L2-projected when it is lowered. */
+
+static dgfem_status dgfemi_check_degree(const dgfem_body *body, int element, int degree) {
+    if (degree >= 1 && degree <= DGFEM_MAX_DEGREE) return DGFEM_OK;
+    return dgfemi_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "element %d: degree %d, expected 1..%d", element, degree,
+                       DGFEM_MAX_DEGREE);
+}
+
+/* degrees[element_count], or NULL: `degree` for `element` alone. */
+static dgfem_status dgfemi_set_degrees(dgfem_body *body, const int *degrees, int element, int degree) {
+    dgfemi_edit edit;
+    dgfem_status status = dgfemi_edit_begin(&edit, body);
+    if (status) return status;
+    for (int e = 0; degrees && e < body->mesh->element_count; e++) edit.fields[e].next_degree = degrees[e];
+    if (!degrees) edit.fields[element].next_degree = degree;
+    status = dgfemi_edit_finish(&edit, body);
+    dgfemi_edit_free(&edit);
+    return status;
 }
 
 DGFEM_API dgfem_status dgfem_body_set_degrees(dgfem_body *body, const int *degrees) {
-    if (!body || !degrees) return DGFEM_ERROR_ARGUMENT;
-    for (int e = 0; e < body->mesh->element_count; e++)
-        if (degrees[e] < 1 || degrees[e] > DGFEM_MAX_DEGREE)
-            return dgfemi_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "element %d: degree %d, expected 1..%d", e,
-                               degrees[e], DGFEM_MAX_DEGREE);
-    return dgfemi_set_degrees(body, degrees);
+    dgfem_status status = DGFEM_OK;
+    if (!body) return DGFEM_ERROR_ARGUMENT;
+    if (!degrees) return dgfemi_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "set_degrees: no degrees");
+    for (int e = 0; !status && e < body->mesh->element_count; e++) status = dgfemi_check_degree(body, e, degrees[e]);
+    return status ? status : dgfemi_set_degrees(body, degrees, 0, 0);
 }
 
 DGFEM_API dgfem_status dgfem_body_set_degree(dgfem_body *body, int element, int degree) {
     if (!body) return DGFEM_ERROR_ARGUMENT;
     dgfem_status status = dgfemi_check_elements(body, &element, 1);
-    if (status) return status;
-    int *degrees = (int *)dgfemi_duplicate(&body->hooks, body->degree, (size_t)body->mesh->element_count, sizeof(int));
-    if (!degrees) return dgfemi_fail_memory(&body->hooks);
-    degrees[element] = degree;
-    status = dgfem_body_set_degrees(body, degrees);
-    dgfemi_free(&body->hooks, degrees);
+    if (!status) status = dgfemi_check_degree(body, element, degree);
+    return status ? status : dgfemi_set_degrees(body, NULL, element, degree);
+}
+
+/* ==== refine.c ==================================================================================================== */
+
+/* Adaptive refinement: elements split, their degrees raised, and what was split merged again.
+
+   A split divides one element by planes through its centroid, whatever its neighbours are: a face that only one side
+   divides is divided for both, so that there are no hanging nodes to care for.
+
+   The elements that come of one split are a family. A family remembers, as its parent, the family that the split element
+   was of. That is all that coarsening needs: when all elements of a family are to be merged and no other family has it
+   for a parent, they become one element of the parent family. Cuts and sliver merging may have changed these elements in
+   the meantime; then what is left of them is merged as far as it is glued. */
+
+/* Planes, and a plane and a vertex, that differ by less than this times an element's radius are taken for the same. */
+#define DGFEM_REFINE_SAME (DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-6))
+
+/* ---- hexahedra ---- */
+
+typedef struct dgfemi_hexahedron {
+    int count;
+    dgfem_plane side[6];  /* the planes of its faces, outward, about the element's centre */
+    dgfem_real gap[6][6]; /* [i][k] depth of side k's nearest vertex behind the plane of side i */
+} dgfemi_hexahedron;
+
+/* The side in the plane of an element's face; a new one, where there is room, if it is the first face there. */
+static int dgfemi_hexahedron_side(dgfemi_hexahedron *h, const dgfem_mesh *mesh, int element, int f) {
+    const dgfem_face *face = &mesh->faces[f];
+    const dgfem_element *e = &mesh->elements[element];
+    dgfem_vec3 normal = dgfemi_scale((dgfem_real)dgfemi_mesh_sign(mesh, element, f), face->normal);
+    dgfem_real offset = dgfemi_dot(normal, dgfemi_sub(face->centre, e->centre));
+    for (int i = 0; i < h->count; i++)
+        if (dgfemi_distance(h->side[i].normal, normal) <= DGFEM_REFINE_SAME &&
+            dgfemi_abs(h->side[i].offset - offset) <= DGFEM_REFINE_SAME * e->radius)
+            return i;
+    if (h->count == 6) return DGFEM_NONE;
+    h->side[h->count].normal = normal, h->side[h->count].offset = offset;
+    return h->count++;
+}
+
+static void dgfemi_hexahedron_add_vertices(dgfemi_hexahedron *h, const dgfem_mesh *mesh, int element, int f, int side) {
+    const dgfem_face *face = &mesh->faces[f];
+    dgfem_vec3 centre = mesh->elements[element].centre;
+    for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++)
+        for (int i = 0; i < mesh->loops[l].count; i++) {
+            dgfem_vec3 p = dgfemi_sub(mesh->vertices[mesh->loop_vertices[mesh->loops[l].start + i]], centre);
+            for (int k = 0; k < 6; k++) {
+                dgfem_real depth = h->side[k].offset - dgfemi_dot(h->side[k].normal, p);
+                h->gap[k][side] = dgfemi_min(h->gap[k][side], depth);
+            }
+        }
+}
+
+/* The only side that does not touch side i, or DGFEM_NONE. */
+static int dgfemi_hexahedron_opposite(const dgfemi_hexahedron *h, int i, dgfem_real tolerance) {
+    int opposite = DGFEM_NONE;
+    for (int k = 0; k < 6; k++) {
+        if (!(h->gap[i][k] > tolerance)) continue;
+        if (opposite != DGFEM_NONE) return DGFEM_NONE;
+        opposite = k;
+    }
+    return opposite;
+}
+
+static int dgfemi_hexahedron_measure(dgfemi_hexahedron *h, const dgfem_mesh *mesh, int element) {
+    const dgfem_element *e = &mesh->elements[element];
+    memset(h, 0, sizeof *h);
+    for (int k = e->face_start; k < e->face_start + e->face_count; k++)
+        if (dgfemi_hexahedron_side(h, mesh, element, mesh->element_faces[k]) == DGFEM_NONE) return 0;
+    if (h->count != 6) return 0;
+    for (int i = 0; i < 36; i++) h->gap[i / 6][i % 6] = 4 * e->radius;
+    for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+        int f = mesh->element_faces[k];
+        dgfemi_hexahedron_add_vertices(h, mesh, element, f, dgfemi_hexahedron_side(h, mesh, element, f));
+    }
+    return 1;
+}
+
+/* The plane through the element's centroid, or through a vertex that is there but for round-off: a neighbour's split. */
+static dgfem_plane dgfemi_refine_plane(const dgfem_mesh *mesh, int element, dgfem_vec3 normal) {
+    const dgfem_element *e = &mesh->elements[element];
+    dgfem_real nearest = DGFEM_REFINE_SAME * e->radius, shift = 0;
+    dgfem_plane plane;
+    plane.normal = normal;
+    plane.offset = dgfemi_dot(normal, e->centre);
+    for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++)
+            for (int i = 0; i < mesh->loops[l].count; i++) {
+                dgfem_vec3 p = mesh->vertices[mesh->loop_vertices[mesh->loops[l].start + i]];
+                dgfem_real distance = dgfemi_dot(normal, dgfemi_sub(p, e->centre));
+                if (dgfemi_abs(distance) < nearest) nearest = dgfemi_abs(distance), shift = distance;
+            }
+    }
+    plane.offset += shift;
+    return plane;
+}
+
+/* The three middle planes of a hexahedron: an element whose faces lie in six planes and bound a convex body of which
+   each side touches all others but one. 0: it is none. */
+static int dgfemi_hexahedron_planes(const dgfem_mesh *mesh, int element, dgfem_plane planes[3]) {
+    dgfemi_hexahedron h;
+    dgfem_real tolerance = DGFEM_REFINE_SAME * mesh->elements[element].radius;
+    int count = 0;
+    if (!dgfemi_hexahedron_measure(&h, mesh, element)) return 0;
+    for (int i = 0; i < 36; i++)
+        if (!(h.gap[i / 6][i % 6] >= -tolerance)) return 0;
+    for (int i = 0; i < 6; i++) {
+        int k = dgfemi_hexahedron_opposite(&h, i, tolerance);
+        if (k == DGFEM_NONE || dgfemi_hexahedron_opposite(&h, k, tolerance) != i) return 0;
+        if (i > k) continue;
+        dgfem_vec3 across = dgfemi_sub(h.side[i].normal, h.side[k].normal);
+        planes[count++] = dgfemi_refine_plane(mesh, element, dgfemi_normalized(across));
+    }
+    return 1;
+}
+
+/* ---- splitting ---- */
+
+typedef struct dgfemi_refiner {
+    dgfemi_edit *edit;
+    dgfemi_splitter splitter;
+    dgfemi_ints parts, next; /* of the element at work */
+} dgfemi_refiner;
+
+static void dgfemi_refiner_make(dgfemi_refiner *refiner, dgfemi_edit *edit) {
+    memset(refiner, 0, sizeof *refiner);
+    refiner->edit = edit;
+    refiner->splitter = dgfemi_splitter_make(edit->mesh);
+    refiner->splitter.components = refiner->splitter.measure = refiner->splitter.local = 1;
+}
+
+static void dgfemi_refiner_free(dgfemi_refiner *refiner) {
+    const dgfem_hooks *hooks = &refiner->edit->body->hooks;
+    dgfemi_splitter_free(&refiner->splitter);
+    dgfemi_free(hooks, refiner->parts.data);
+    dgfemi_free(hooks, refiner->next.data);
+}
+
+/* Splits elements by one plane, silently unless out of memory: other failures have a way out. Appends to `next` what
+   they are then. */
+static dgfem_status dgfemi_refiner_try(dgfemi_refiner *refiner, const int *elements, int count, dgfem_plane plane) {
+    dgfem_mesh *mesh = refiner->edit->mesh;
+    dgfemi_splitter *s = &refiner->splitter;
+    dgfem_hooks hooks = mesh->hooks;
+    mesh->hooks.log = NULL;
+    dgfem_status status = dgfemi_split_elements(s, plane, elements, count);
+    mesh->hooks.log = hooks.log;
+    if (status) return status == DGFEM_ERROR_MEMORY ? dgfemi_fail_memory(&hooks) : status;
+    int ok = 1;
+    for (int i = 0, k = 0; ok && i < count; i++) {
+        if (k < s->selected.count && s->selected.data[k] == elements[i]) k++;
+        else ok = dgfemi_push(&hooks, &refiner->next, elements[i]);
+    }
+    for (int c = 0; ok && c < s->child_count; c++)
+        if (s->children[c].side != 0) ok = dgfemi_push(&hooks, &refiner->next, s->children[c].element);
+    return ok ? DGFEM_OK : dgfemi_fail_memory(&hooks);
+}
+
+/* One element on its own. Where round-off lets it not be split the plane gives way a little; at last it stays whole. */
+static dgfem_status dgfemi_refiner_split_alone(dgfemi_refiner *refiner, int element, dgfem_plane plane) {
+    static const double shifts[] = {0, 1e-4, -1e-4, 1e-2, -1e-2};
+    dgfem_real radius = refiner->edit->mesh->elements[element].radius;
+    for (size_t i = 0; i < sizeof shifts / sizeof *shifts; i++) {
+        dgfem_plane shifted = plane;
+        shifted.offset += (dgfem_real)shifts[i] * radius;
+        dgfem_status status = dgfemi_refiner_try(refiner, &element, 1, shifted);
+        if (!status || status == DGFEM_ERROR_MEMORY) return status;
+    }
+    if (!dgfemi_push(&refiner->edit->body->hooks, &refiner->next, element))
+        return dgfemi_fail_memory(&refiner->edit->body->hooks);
+    return DGFEM_OK;
+}
+
+/* Splits all of `parts` by a plane with unit normal, and lists what they are then. */
+static dgfem_status dgfemi_refiner_split(dgfemi_refiner *refiner, dgfem_plane plane) {
+    refiner->next.count = 0;
+    dgfem_status status = dgfemi_refiner_try(refiner, refiner->parts.data, refiner->parts.count, plane);
+    if (status && status != DGFEM_ERROR_MEMORY) {
+        refiner->next.count = 0;
+        status = DGFEM_OK;
+        for (int i = 0; !status && i < refiner->parts.count; i++)
+            status = dgfemi_refiner_split_alone(refiner, refiner->parts.data[i], plane);
+    }
+    dgfemi_ints parts = refiner->parts;
+    refiner->parts = refiner->next;
+    refiner->next = parts;
     return status;
+}
+
+/* Splits an element of the edit's mesh by several planes; `parts` are what it is then: more than one unless it could not
+   be split. They become a family. */
+static dgfem_status dgfemi_refiner_divide(dgfemi_refiner *refiner, int element, const dgfem_plane *planes, int count) {
+    const dgfem_hooks *hooks = &refiner->edit->body->hooks;
+    dgfemi_edit *edit = refiner->edit;
+    dgfem_status status = DGFEM_OK;
+    refiner->parts.count = 0;
+    if (!dgfemi_push(hooks, &refiner->parts, element)) return dgfemi_fail_memory(hooks);
+    for (int i = 0; !status && i < count; i++) status = dgfemi_refiner_split(refiner, planes[i]);
+    if (status || refiner->parts.count == 1) return status;
+    dgfemi_field *field = &edit->fields[edit->mesh->elements[element].tag];
+    if (!dgfemi_push(hooks, &edit->families, field->family)) return dgfemi_fail_memory(hooks);
+    field->family = edit->families.count - 1;
+    return DGFEM_OK;
+}
+
+/* ---- stress ---- */
+
+/* Principal values of an element's mean stress, ascending, and their directions in the material. */
+static void dgfemi_refine_principal(const dgfem_body *body, int element, dgfem_real values[3], dgfem_mat3 *directions) {
+    dgfem_mat3 f = dgfemi_mean_gradient(body, element), r = dgfemi_rotation_now(body, element), world;
+    dgfem_mat3 turned = dgfemi_transposed(&r);
+    dgfem_eigen_symmetric(dgfemi_stress_of(body, element, &f), values, &world);
+    *directions = dgfemi_multiply3(&turned, &world);
+}
+
+static dgfem_real dgfemi_refine_stress(const dgfem_body *body, int element) {
+    dgfem_mat3 directions;
+    dgfem_real values[3];
+    dgfemi_refine_principal(body, element, values, &directions);
+    return dgfemi_max(dgfemi_abs(values[0]), dgfemi_abs(values[2]));
+}
+
+/* The rest direction across which an element is halved; without stress, that of its bounding box's longest edge. */
+static dgfem_vec3 dgfemi_refine_direction(const dgfem_body *body, int element) {
+    dgfem_mat3 directions;
+    dgfem_real values[3];
+    dgfem_vec3 lower, upper, size;
+    dgfemi_refine_principal(body, element, values, &directions);
+    dgfem_real largest = dgfemi_max(dgfemi_abs(values[0]), dgfemi_abs(values[2]));
+    if (largest > 1000 * DGFEM_EPSILON * body->material[element].young)
+        return dgfemi_normalized(dgfemi_column(&directions, dgfemi_abs(values[0]) > dgfemi_abs(values[2]) ? 0 : 2));
+    dgfemi_mesh_element_box(body->mesh, element, &lower, &upper);
+    size = dgfemi_sub(upper, lower);
+    return dgfemi_vec3(size.x >= size.y && size.x >= size.z, size.y > size.x && size.y >= size.z,
+                       size.z > size.x && size.z > size.y);
+}
+
+/* ---- what is to be done ---- */
+
+static dgfem_status dgfemi_refine_choose(const dgfem_body *body, const dgfem_refine_desc *desc, int element,
+                                         dgfem_real stress, dgfem_refine_action *action) {
+    *action = DGFEM_REFINE_NONE;
+    if (stress > desc->refine_above) *action = desc->how;
+    else if (stress < desc->merge_below)
+        *action = desc->how == DGFEM_REFINE_RAISE ? DGFEM_REFINE_LOWER : DGFEM_REFINE_MERGE;
+    if (desc->choose) *action = desc->choose(desc->user, body, element, *action);
+    if ((int)*action >= 0 && *action <= DGFEM_REFINE_MERGE) return DGFEM_OK;
+    return dgfemi_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "refine: unknown action %d for element %d", (int)*action,
+                       element);
+}
+
+static dgfem_status dgfemi_refine_choose_all(const dgfem_body *body, const dgfem_refine_desc *desc,
+                                             dgfem_refine_action *actions, dgfem_refine_info *info) {
+    dgfem_status status = DGFEM_OK;
+    for (int e = 0; !status && e < body->mesh->element_count; e++) {
+        dgfem_real stress = dgfemi_refine_stress(body, e);
+        info->largest_stress = dgfemi_max(stress, info->largest_stress);
+        status = dgfemi_refine_choose(body, desc, e, stress, &actions[e]);
+    }
+    return status;
+}
+
+static void dgfemi_refine_degrees(dgfemi_edit *edit, const dgfem_refine_desc *desc, const dgfem_refine_action *actions,
+                                  dgfem_refine_info *info) {
+    for (int e = 0; e < edit->body->mesh->element_count; e++) {
+        dgfemi_field *field = &edit->fields[e];
+        if (actions[e] == DGFEM_REFINE_RAISE && field->degree < desc->highest_degree)
+            field->next_degree++, info->degrees_raised++;
+        if (actions[e] == DGFEM_REFINE_LOWER && field->degree > desc->lowest_degree)
+            field->next_degree--, info->degrees_lowered++;
+    }
+}
+
+static dgfem_status dgfemi_refine_split(dgfemi_refiner *refiner, const dgfem_refine_desc *desc,
+                                        dgfem_refine_action action, int element, dgfem_refine_info *info) {
+    const dgfem_mesh *mesh = refiner->edit->mesh;
+    dgfem_real smallest = desc->smallest * desc->smallest * desc->smallest;
+    dgfem_plane planes[3];
+    int count = action == DGFEM_REFINE_EIGHT && dgfemi_hexahedron_planes(mesh, element, planes) ? 3 : 1;
+    if (mesh->elements[element].volume < (count == 3 ? 8 : 2) * smallest) return DGFEM_OK;
+    if (count == 1)
+        planes[0] = dgfemi_refine_plane(mesh, element, dgfemi_refine_direction(refiner->edit->body, element));
+    dgfem_status status = dgfemi_refiner_divide(refiner, element, planes, count);
+    info->elements_split += refiner->parts.count > 1;
+    return status;
+}
+
+static dgfem_status dgfemi_refine_split_all(dgfemi_edit *edit, const dgfem_refine_desc *desc,
+                                            const dgfem_refine_action *actions, dgfem_refine_info *info) {
+    dgfemi_refiner refiner;
+    dgfem_status status = DGFEM_OK;
+    dgfemi_refiner_make(&refiner, edit);
+    for (int e = 0; !status && e < edit->body->mesh->element_count; e++)
+        if (actions[e] == DGFEM_REFINE_EIGHT || actions[e] == DGFEM_REFINE_TWO)
+            status = dgfemi_refine_split(&refiner, desc, actions[e], e, info);
+    dgfemi_refiner_free(&refiner);
+    return status;
+}
+
+/* ---- merging families ---- */
+
+/* Marks the families that are to be merged: all of their elements are, and may be, and no family came of one of them.
+   first[families]: the first element of each. Returns their number. */
+static int dgfemi_refine_mark_families(const dgfemi_edit *edit, const dgfem_refine_action *actions, char *merging,
+                                       int *first) {
+    const dgfem_body *body = edit->body;
+    int count = 0;
+    for (int k = 0; k < body->family_count; k++) merging[k] = 1, first[k] = DGFEM_NONE;
+    for (int k = 0; k < body->family_count; k++)
+        if (body->family_parent[k] != DGFEM_NONE) merging[body->family_parent[k]] = 0;
+    for (int e = 0; body->family && e < body->mesh->element_count; e++) {
+        int k = body->family[e];
+        if (k == DGFEM_NONE) continue;
+        if (first[k] == DGFEM_NONE) first[k] = e;
+        if (actions[e] != DGFEM_REFINE_MERGE || !dgfemi_edit_allows(edit, first[k], e)) merging[k] = 0;
+    }
+    for (int k = 0; k < body->family_count; k++) count += merging[k];
+    return count;
+}
+
+static int dgfemi_refine_allows(const void *user, int a, int b) {
+    const dgfemi_edit *edit = (const dgfemi_edit *)user;
+    return edit->fields[a].family == edit->fields[b].family && dgfemi_edit_allows(user, a, b);
+}
+
+/* Merges each family that is marked, and gives it the number of its parent. */
+static dgfem_status dgfemi_refine_merge(dgfemi_edit *edit, dgfemi_arena *arena, const char *merging,
+                                        dgfem_refine_info *info) {
+    const dgfem_mesh *mesh = edit->mesh;
+    dgfemi_merge_rule rule;
+    memset(&rule, 0, sizeof rule);
+    char *candidate = (char *)dgfemi_arena_allocate(arena, (size_t)mesh->element_count, 1);
+    if (!candidate) return dgfemi_fail_memory(&edit->body->hooks);
+    for (int e = 0; e < mesh->element_count; e++) {
+        int k = edit->fields[mesh->elements[e].tag].family;
+        candidate[e] = k != DGFEM_NONE && k < edit->body->family_count && merging[k];
+    }
+    rule.candidate = candidate;
+    rule.allows = dgfemi_refine_allows;
+    rule.volume = DGFEM_R(HUGE_VAL);
+    dgfem_status status = dgfemi_edit_merge_by(edit, &rule, 0, &info->elements_merged);
+    for (int f = 0; !status && f < edit->field_count; f++) {
+        int k = edit->fields[f].family;
+        if (k != DGFEM_NONE && k < edit->body->family_count && merging[k])
+            edit->fields[f].family = edit->families.data[k];
+    }
+    return status;
+}
+
+static dgfem_status dgfemi_refine_merge_all(dgfemi_edit *edit, const dgfem_refine_action *actions, int *families,
+                                            dgfem_refine_info *info) {
+    dgfemi_arena arena = dgfemi_arena_make(&edit->body->hooks);
+    size_t count = (size_t)edit->body->family_count;
+    char *merging = (char *)dgfemi_arena_allocate(&arena, count, 1);
+    int *first = (int *)dgfemi_arena_allocate(&arena, count, sizeof(int));
+    dgfem_status status = merging && first ? DGFEM_OK : dgfemi_fail_memory(&edit->body->hooks);
+    *families = status ? 0 : dgfemi_refine_mark_families(edit, actions, merging, first);
+    if (*families > 0) status = dgfemi_refine_merge(edit, &arena, merging, info);
+    dgfemi_arena_free(&arena);
+    return status;
+}
+
+/* ---- the call ---- */
+
+DGFEM_API dgfem_refine_desc dgfem_default_refine_desc(void) {
+    dgfem_refine_desc desc;
+    memset(&desc, 0, sizeof desc);
+    desc.cookie = DGFEM_COOKIE;
+    desc.how = DGFEM_REFINE_EIGHT;
+    desc.refine_above = DGFEM_R(HUGE_VAL);
+    desc.highest_degree = DGFEM_MAX_DEGREE;
+    desc.lowest_degree = 1;
+    return desc;
+}
+
+static dgfem_status dgfemi_check_refine(const dgfem_body *body, const dgfem_refine_desc *desc) {
+    const dgfem_hooks *hooks = &body->hooks;
+    dgfem_status status = dgfemi_check_desc(hooks, desc, desc ? desc->cookie : 0, "refine");
+    if (status) return status;
+    if ((int)desc->how < (int)DGFEM_REFINE_EIGHT || desc->how > DGFEM_REFINE_RAISE)
+        return dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "refine: `how` is %d", (int)desc->how);
+    if (!(desc->merge_below >= 0 && desc->merge_below <= desc->refine_above))
+        return dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "refine: merge_below is %g, expected in [0, refine_above = %g]",
+                           (double)desc->merge_below, (double)desc->refine_above);
+    if (desc->lowest_degree < 1 || desc->highest_degree > DGFEM_MAX_DEGREE ||
+        desc->lowest_degree > desc->highest_degree)
+        return dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "refine: degrees from %d to %d, expected in 1..%d",
+                           desc->lowest_degree, desc->highest_degree, DGFEM_MAX_DEGREE);
+    return dgfemi_check_not_negative(hooks, desc->smallest, "refine: smallest");
+}
+
+static dgfem_status dgfemi_body_refine(dgfem_body *body, const dgfem_refine_desc *desc,
+                                       const dgfem_refine_action *actions, dgfem_refine_info *info) {
+    dgfemi_edit edit;
+    int families = 0;
+    dgfem_status status = dgfemi_edit_begin(&edit, body);
+    if (status) return status;
+    dgfemi_refine_degrees(&edit, desc, actions, info);
+    status = dgfemi_refine_split_all(&edit, desc, actions, info);
+    if (!status) status = dgfemi_refine_merge_all(&edit, actions, &families, info);
+    int changes = info->elements_split + families + info->degrees_raised + info->degrees_lowered;
+    if (!status && changes > 0) status = dgfemi_edit_finish(&edit, body);
+    dgfemi_edit_free(&edit);
+    return status;
+}
+
+DGFEM_API dgfem_status dgfem_body_refine(dgfem_body *body, const dgfem_refine_desc *desc, dgfem_refine_info *info) {
+    dgfem_refine_info done;
+    if (!body) return DGFEM_ERROR_ARGUMENT;
+    dgfem_status status = dgfemi_check_refine(body, desc);
+    if (status) return status;
+    memset(&done, 0, sizeof done);
+    dgfemi_arena arena = dgfemi_arena_make(&body->hooks);
+    dgfem_refine_action *actions =
+        (dgfem_refine_action *)dgfemi_arena_allocate(&arena, (size_t)body->mesh->element_count, sizeof *actions);
+    status = actions ? dgfemi_refine_choose_all(body, desc, actions, &done) : dgfemi_fail_memory(&body->hooks);
+    if (!status) status = dgfemi_body_refine(body, desc, actions, &done);
+    dgfemi_arena_free(&arena);
+    if (!status && info) *info = done;
+    return status;
+}
+
+/* ---- slivers ---- */
+
+DGFEM_API dgfem_status dgfem_body_merge_slivers(dgfem_body *body, dgfem_real ratio, int *merged) {
+    dgfemi_edit edit;
+    int count = 0;
+    if (!body) return DGFEM_ERROR_ARGUMENT;
+    if (!(ratio >= 0 && ratio < 1))
+        return dgfemi_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "merge slivers: ratio is %g, expected in [0, 1)",
+                           (double)ratio);
+    dgfem_status status = dgfemi_edit_begin(&edit, body);
+    if (status) return status;
+    if (ratio > 0) status = dgfemi_edit_merge(&edit, ratio, 1, &count);
+    if (!status && count > 0) status = dgfemi_edit_finish(&edit, body);
+    dgfemi_edit_free(&edit);
+    if (!status && merged) *merged = count;
+    return status;
+}
+
+/* ==== fracture.c ================================================================================================== */
+
+/* Fracture: glue breaks where the traction on it exceeds what the material bears.
+
+   All tractions are those of the body as it is when the call begins; what breaks does not relieve the others until the
+   next step or solve. Hence the order: the most overloaded first, and max_breaks. */
+
+typedef struct dgfemi_overload {
+    dgfem_real ratio; /* of traction to strength */
+    int item;         /* a face, or an element */
+} dgfemi_overload;
+
+typedef struct dgfemi_fracturer {
+    const dgfem_body *body;
+    const dgfem_fracture_desc *desc;
+    dgfemi_edit *edit;
+    dgfemi_overload *list;
+    int count;
+    char *touched; /* [elements of the body] 1: a face of it has broken in this call */
+    dgfem_fracture_info *info;
+} dgfemi_fracturer;
+
+static dgfem_real dgfemi_fracture_strength(const dgfem_fracture_desc *desc, int element) {
+    return desc->strengths ? desc->strengths[element] : desc->strength;
+}
+
+/* The largest first; equal ones by index, so that the result does not depend on the sort. */
+static int dgfemi_overload_compare(const void *a, const void *b) {
+    const dgfemi_overload *p = (const dgfemi_overload *)a, *q = (const dgfemi_overload *)b;
+    if (p->ratio > q->ratio || p->ratio < q->ratio) return p->ratio > q->ratio ? -1 : 1;
+    return (p->item > q->item) - (p->item < q->item);
+}
+
+/* ---- faces ---- */
+
+/* What a face's two sides have in common, for tractions at its points. */
+typedef struct dgfemi_glue {
+    const dgfem_face *face;
+    dgfem_vec3 side_normal[2]; /* turned with each element */
+    dgfem_vec3 normal;         /* of both, in the world */
+} dgfemi_glue;
+
+static dgfemi_glue dgfemi_glue_make(const dgfem_body *body, const dgfem_face *face) {
+    dgfemi_glue glue;
+    glue.face = face;
+    for (int s = 0; s < 2; s++) {
+        dgfem_mat3 r = dgfemi_rotation_now(body, face->element[s]);
+        glue.side_normal[s] = dgfemi_multiply(&r, face->normal);
+    }
+    glue.normal = dgfemi_normalized(dgfemi_add(glue.side_normal[0], glue.side_normal[1]));
+    return glue;
+}
+
+static dgfem_vec3 dgfemi_glue_traction(const dgfem_body *body, const dgfemi_glue *glue, dgfem_vec3 x) {
+    dgfem_vec3 traction = dgfemi_vec3(0, 0, 0);
+    for (int s = 0; s < 2; s++) {
+        int e = glue->face->element[s];
+        dgfem_mat3 f = dgfemi_gradient(body, e, x), stress = dgfemi_stress_of(body, e, &f);
+        traction = dgfemi_add_scaled(traction, DGFEM_R(0.5), dgfemi_multiply(&stress, glue->side_normal[s]));
+    }
+    return traction;
+}
+
+/* The largest normal traction at the face's vertices and centre. */
+static dgfem_real dgfemi_glue_peak(const dgfem_body *body, const dgfemi_glue *glue) {
+    const dgfem_mesh *mesh = body->mesh;
+    const dgfem_face *face = glue->face;
+    dgfem_real peak = dgfemi_dot(glue->normal, dgfemi_glue_traction(body, glue, face->centre));
+    if (body->degree[face->element[0]] == 1 && body->degree[face->element[1]] == 1)
+        return peak; /* the same everywhere */
+    for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++)
+        for (int i = 0; i < mesh->loops[l].count; i++) {
+            dgfem_vec3 x = mesh->vertices[mesh->loop_vertices[mesh->loops[l].start + i]];
+            peak = dgfemi_max(peak, dgfemi_dot(glue->normal, dgfemi_glue_traction(body, glue, x)));
+        }
+    return peak;
+}
+
+/* Energy per area that opening the face releases. */
+static dgfem_real dgfemi_glue_release(const dgfem_body *body, const dgfemi_glue *glue, int f) {
+    dgfem_vec3 traction = dgfemi_glue_traction(body, glue, glue->face->centre);
+    dgfem_real along = dgfemi_dot(glue->normal, traction), release = 0;
+    dgfem_vec3 shear = dgfemi_add_scaled(traction, -along, glue->normal);
+    for (int s = 0; s < 2; s++) {
+        int e = glue->face->element[s];
+        dgfem_real density = along * along / (2 * body->material[e].young) +
+                             dgfemi_dot(shear, shear) / (2 * dgfemi_mu(&body->material[e]));
+        release += density * body->mesh->elements[e].volume / dgfemi_patch_area(body->mesh, e, f);
+    }
+    return release;
+}
+
+static void dgfemi_fracture_list_faces(dgfemi_fracturer *fracturer) {
+    const dgfem_body *body = fracturer->body;
+    const dgfem_fracture_desc *desc = fracturer->desc;
+    fracturer->count = 0;
+    for (int f = 0; f < body->mesh->face_count; f++) {
+        const dgfem_face *face = &body->mesh->faces[f];
+        if (!dgfemi_face_is_glued(face)) continue;
+        dgfem_real strength = dgfemi_min(dgfemi_fracture_strength(desc, face->element[0]),
+                                         dgfemi_fracture_strength(desc, face->element[1]));
+        dgfemi_glue glue = dgfemi_glue_make(body, face);
+        dgfem_real ratio = dgfemi_glue_peak(body, &glue) / strength;
+        fracturer->info->largest_ratio = dgfemi_max(ratio, fracturer->info->largest_ratio);
+        if (!(ratio >= 1)) continue;
+        if (desc->toughness > 0 && !(dgfemi_glue_release(body, &glue, f) >= desc->toughness)) continue;
+        fracturer->list[fracturer->count].ratio = ratio;
+        fracturer->list[fracturer->count++].item = f;
+    }
+    qsort(fracturer->list, (size_t)fracturer->count, sizeof *fracturer->list, dgfemi_overload_compare);
+}
+
+static void dgfemi_fracture_break_faces(dgfemi_fracturer *fracturer) {
+    for (int i = 0; i < fracturer->count && fracturer->info->faces_broken < fracturer->desc->max_breaks; i++) {
+        dgfem_face *face = &fracturer->edit->mesh->faces[fracturer->list[i].item];
+        face->cut = 1;
+        fracturer->touched[face->element[0]] = fracturer->touched[face->element[1]] = 1;
+        fracturer->info->faces_broken++;
+    }
+}
+
+/* ---- elements ---- */
+
+static dgfem_real dgfemi_element_width(const dgfem_mesh *mesh, int element, dgfem_vec3 direction) {
+    const dgfem_element *e = &mesh->elements[element];
+    dgfem_real low = 0, high = 0;
+    for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++)
+            for (int i = 0; i < mesh->loops[l].count; i++) {
+                dgfem_vec3 p = mesh->vertices[mesh->loop_vertices[mesh->loops[l].start + i]];
+                dgfem_real d = dgfemi_dot(direction, dgfemi_sub(p, e->centre));
+                low = dgfemi_min(low, d), high = dgfemi_max(high, d);
+            }
+    }
+    return high - low;
+}
+
+static void dgfemi_fracture_list_elements(dgfemi_fracturer *fracturer) {
+    const dgfem_body *body = fracturer->body;
+    const dgfem_fracture_desc *desc = fracturer->desc;
+    dgfem_real smallest = desc->smallest * desc->smallest * desc->smallest, values[3];
+    dgfem_mat3 directions;
+    fracturer->count = 0;
+    for (int e = 0; e < body->mesh->element_count; e++) {
+        if (fracturer->touched[e] || body->mesh->elements[e].volume < 2 * smallest) continue;
+        dgfemi_refine_principal(body, e, values, &directions);
+        dgfem_real ratio = values[2] / dgfemi_fracture_strength(desc, e);
+        if (!(ratio >= 1)) continue;
+        dgfem_real width = dgfemi_element_width(body->mesh, e, dgfemi_column(&directions, 2));
+        if (!(values[2] * values[2] / (2 * body->material[e].young) * width >= desc->toughness)) continue;
+        fracturer->list[fracturer->count].ratio = ratio;
+        fracturer->list[fracturer->count++].item = e;
+    }
+    qsort(fracturer->list, (size_t)fracturer->count, sizeof *fracturer->list, dgfemi_overload_compare);
+}
+
+/* Breaks the faces between parts of the element that lie in the plane of its split, and counts them. */
+static int dgfemi_fracture_break_caps(const dgfemi_splitter *s, int element) {
+    int count = 0;
+    for (int c = 0; c < s->child_count; c++) {
+        const dgfemi_split_child *child = &s->children[c];
+        if (child->parent != element || child->side >= 0) continue; /* the parts above have the same caps */
+        for (int f = child->cap_start; f < child->cap_end; f++)
+            if (!s->mesh->faces[f].cut) s->mesh->faces[f].cut = 1, count++;
+    }
+    return count;
+}
+
+static dgfem_status dgfemi_fracture_split_elements(dgfemi_fracturer *fracturer) {
+    dgfemi_refiner refiner;
+    dgfem_status status = DGFEM_OK;
+    dgfemi_refiner_make(&refiner, fracturer->edit);
+    for (int i = 0; !status && i < fracturer->count; i++) {
+        int e = fracturer->list[i].item;
+        dgfem_mat3 directions;
+        dgfem_real values[3];
+        if (fracturer->info->faces_broken >= fracturer->desc->max_breaks) break;
+        dgfemi_refine_principal(fracturer->body, e, values, &directions);
+        dgfem_vec3 normal = dgfemi_normalized(dgfemi_column(&directions, 2));
+        dgfem_plane plane = dgfemi_refine_plane(fracturer->edit->mesh, e, normal);
+        refiner.parts.count = 0;
+        if (!dgfemi_push(&fracturer->body->hooks, &refiner.parts, e))
+            status = dgfemi_fail_memory(&fracturer->body->hooks);
+        if (!status) status = dgfemi_refiner_split(&refiner, plane);
+        if (status || refiner.parts.count == 1) continue;
+        fracturer->info->elements_split++;
+        fracturer->info->faces_broken += dgfemi_fracture_break_caps(&refiner.splitter, e);
+    }
+    dgfemi_refiner_free(&refiner);
+    return status;
+}
+
+/* ---- the call ---- */
+
+DGFEM_API dgfem_fracture_desc dgfem_default_fracture_desc(void) {
+    dgfem_fracture_desc desc;
+    memset(&desc, 0, sizeof desc);
+    desc.cookie = DGFEM_COOKIE;
+    desc.strength = DGFEM_R(HUGE_VAL);
+    desc.sliver = DGFEM_R(1e-3);
+    desc.max_breaks = INT_MAX;
+    return desc;
+}
+
+static dgfem_status dgfemi_check_strengths(const dgfem_body *body, const dgfem_fracture_desc *desc) {
+    if (!desc->strengths && !(desc->strength > 0))
+        return dgfemi_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "fracture: strength is %g, expected > 0",
+                           (double)desc->strength);
+    for (int e = 0; desc->strengths && e < body->mesh->element_count; e++)
+        if (!(desc->strengths[e] > 0))
+            return dgfemi_fail(&body->hooks, DGFEM_ERROR_ARGUMENT,
+                               "fracture: strength of element %d is %g, expected > 0", e, (double)desc->strengths[e]);
+    return DGFEM_OK;
+}
+
+static dgfem_status dgfemi_check_fracture(const dgfem_body *body, const dgfem_fracture_desc *desc) {
+    const dgfem_hooks *hooks = &body->hooks;
+    dgfem_status status = dgfemi_check_desc(hooks, desc, desc ? desc->cookie : 0, "fracture");
+    if (!status) status = dgfemi_check_strengths(body, desc);
+    if (!status) status = dgfemi_check_not_negative(hooks, desc->toughness, "fracture: toughness");
+    if (!status) status = dgfemi_check_not_negative(hooks, desc->smallest, "fracture: smallest");
+    if (!status && !(desc->sliver >= 0 && desc->sliver < 1))
+        status = dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "fracture: sliver is %g, expected in [0, 1)",
+                             (double)desc->sliver);
+    if (!status && desc->max_breaks < 0)
+        status =
+            dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "fracture: max_breaks is %d, expected >= 0", desc->max_breaks);
+    return status;
+}
+
+/* Lists, breaks, splits, in the edit. */
+static dgfem_status dgfemi_fracture(dgfemi_edit *edit, const dgfem_fracture_desc *desc, dgfem_fracture_info *info) {
+    const dgfem_body *body = edit->body;
+    dgfemi_arena arena = dgfemi_arena_make(&body->hooks);
+    size_t elements = (size_t)body->mesh->element_count, faces = (size_t)body->mesh->face_count;
+    dgfem_status status = DGFEM_OK;
+    dgfemi_fracturer fracturer;
+    fracturer.body = body, fracturer.desc = desc, fracturer.edit = edit, fracturer.info = info;
+    fracturer.list =
+        (dgfemi_overload *)dgfemi_arena_allocate(&arena, faces > elements ? faces : elements, sizeof *fracturer.list);
+    fracturer.touched = (char *)dgfemi_arena_allocate_zero(&arena, elements, 1);
+    if (fracturer.list && fracturer.touched) {
+        dgfemi_fracture_list_faces(&fracturer);
+        dgfemi_fracture_break_faces(&fracturer);
+        if (desc->split) {
+            dgfemi_fracture_list_elements(&fracturer);
+            status = dgfemi_fracture_split_elements(&fracturer);
+        }
+    } else status = dgfemi_fail_memory(&body->hooks);
+    dgfemi_arena_free(&arena);
+    if (!status && desc->sliver > 0 && info->elements_split > 0)
+        status = dgfemi_edit_merge(edit, desc->sliver, 0, &info->slivers_merged);
+    return status;
+}
+
+DGFEM_API dgfem_status dgfem_body_fracture(dgfem_body *body, const dgfem_fracture_desc *desc,
+                                           dgfem_fracture_info *info) {
+    dgfem_fracture_info done;
+    dgfemi_edit edit;
+    if (!body) return DGFEM_ERROR_ARGUMENT;
+    dgfem_status status = dgfemi_check_fracture(body, desc);
+    if (!status) status = dgfemi_edit_begin(&edit, body);
+    if (status) return status;
+    memset(&done, 0, sizeof done);
+    status = dgfemi_fracture(&edit, desc, &done);
+    if (!status && done.faces_broken > 0) status = dgfemi_edit_finish(&edit, body);
+    dgfemi_edit_free(&edit);
+    if (!status && info) *info = done;
+    return status;
+}
+
+/* ==== blade.c ===================================================================================================== */
+
+/* A blade: a plane, or the part of a plane inside a simple polygon. Predicates that all cuts share, so that elements
+   and render meshes agree on what lies on which side.
+
+   The polygon is seen in the projection along the largest component of the blade's normal. Its boundary belongs to it
+   on one side and not on the other (the rule of dgfemi_edge_winding), so that polygons that share an edge cover each
+   point once. */
+
+typedef struct dgfemi_blade {
+    dgfem_vec3 normal; /* unit */
+    dgfem_real offset;
+    const dgfem_vec3 *polygon; /* in the plane, in either sense; NULL: the whole plane */
+    int polygon_count;
+} dgfemi_blade;
+
+static dgfem_real dgfemi_blade_distance(const dgfemi_blade *blade, dgfem_vec3 x) {
+    return dgfemi_dot(blade->normal, x) - blade->offset;
+}
+
+/* 1 where the normal points to, the plane included; 0 below. */
+static int dgfemi_blade_side(const dgfemi_blade *blade, dgfem_vec3 x) { return dgfemi_blade_distance(blade, x) >= 0; }
+
+static void dgfemi_blade_project(const dgfemi_blade *blade, dgfem_vec3 x, double *out) {
+    int u, v;
+    dgfemi_projection_axes(blade->normal, &u, &v);
+    out[0] = (double)dgfemi_axis(x, u), out[1] = (double)dgfemi_axis(x, v);
+}
+
+/* Whether the foot of a point on the plane lies in the polygon. */
+static int dgfemi_blade_covers(const dgfemi_blade *blade, dgfem_vec3 x) {
+    double a[2], b[2], q[2];
+    int winding = 0;
+    if (!blade->polygon) return 1;
+    dgfemi_blade_project(blade, dgfemi_add_scaled(x, -dgfemi_blade_distance(blade, x), blade->normal), q);
+    dgfemi_blade_project(blade, blade->polygon[blade->polygon_count - 1], b);
+    for (int i = 0; i < blade->polygon_count; i++) {
+        memcpy(a, b, sizeof a);
+        dgfemi_blade_project(blade, blade->polygon[i], b);
+        winding += dgfemi_edge_winding(a, b, q);
+    }
+    return winding != 0;
+}
+
+/* A box around the polygon; around everything without one. */
+static void dgfemi_blade_box(const dgfemi_blade *blade, dgfem_vec3 *lower, dgfem_vec3 *upper) {
+    dgfem_real all = (dgfem_real)HUGE_VAL;
+    *lower = dgfemi_vec3(-all, -all, -all), *upper = dgfemi_vec3(all, all, all);
+    if (!blade->polygon) return;
+    *lower = *upper = blade->polygon[0];
+    for (int i = 1; i < blade->polygon_count; i++) {
+        *lower = dgfemi_min3(*lower, blade->polygon[i]);
+        *upper = dgfemi_max3(*upper, blade->polygon[i]);
+    }
 }
 
 /* ==== skin.c ====================================================================================================== */
@@ -15178,27 +17619,41 @@ static dgfem_vec3 dgfemi_corner_normal(dgfem_vec3 at, dgfem_vec3 next, dgfem_vec
     return dgfemi_scale((dgfem_real)atan2((double)length, (double)dgfemi_dot(a, b)) / length, n);
 }
 
-static void dgfemi_skin_normals_range(void *context, int first, int last) {
-    dgfem_skin *skin = (dgfem_skin *)context;
+/* A triangle mesh whose normals are wanted. */
+typedef struct dgfemi_shell {
+    const dgfem_vec3 *positions;
+    const int *triangles, *corner_start, *corners;
+    dgfem_vec3 *normals;
+} dgfemi_shell;
+
+static void dgfemi_shell_normals_range(void *context, int first, int last) {
+    const dgfemi_shell *shell = (const dgfemi_shell *)context;
     for (int v = first; v < last; v++) {
         dgfem_vec3 sum = dgfemi_vec3(0, 0, 0);
-        for (int i = skin->corner_start[v]; i < skin->corner_start[v + 1]; i++) {
-            int corner = skin->corners[i], triangle = corner - corner % 3;
-            int next = skin->triangles[triangle + (corner + 1) % 3],
-                previous = skin->triangles[triangle + (corner + 2) % 3];
+        for (int i = shell->corner_start[v]; i < shell->corner_start[v + 1]; i++) {
+            int corner = shell->corners[i], triangle = corner - corner % 3;
+            int next = shell->triangles[triangle + (corner + 1) % 3],
+                previous = shell->triangles[triangle + (corner + 2) % 3];
             sum = dgfemi_add(
-                sum, dgfemi_corner_normal(skin->positions[v], skin->positions[next], skin->positions[previous]));
+                sum, dgfemi_corner_normal(shell->positions[v], shell->positions[next], shell->positions[previous]));
         }
-        skin->normals[v] = dgfemi_normalized(sum);
+        shell->normals[v] = dgfemi_normalized(sum);
     }
+}
+
+static void dgfemi_skin_normals(dgfem_skin *skin) {
+    dgfemi_shell shell;
+    if (!skin->normals) return;
+    shell.positions = skin->positions, shell.triangles = skin->triangles;
+    shell.corner_start = skin->corner_start, shell.corners = skin->corners, shell.normals = skin->normals;
+    dgfemi_parallel_for(&skin->hooks, skin->vertex_count, DGFEM_SKIN_GRAIN, dgfemi_shell_normals_range, &shell);
 }
 
 static void dgfemi_skin_update(dgfem_skin *skin, const dgfem_body *body) {
     dgfemi_embedding_samples(skin->embedding, body, body->displacement, skin->sample_displacement);
     dgfemi_embedding_points(skin->embedding, skin->sample_displacement, skin->positions);
     dgfemi_parallel_for(&skin->hooks, skin->vertex_count, DGFEM_SKIN_GRAIN, dgfemi_skin_positions_range, skin);
-    if (skin->normals)
-        dgfemi_parallel_for(&skin->hooks, skin->vertex_count, DGFEM_SKIN_GRAIN, dgfemi_skin_normals_range, skin);
+    dgfemi_skin_normals(skin);
 }
 
 DGFEM_API dgfem_status dgfem_skin_update(dgfem_skin *skin, const dgfem_body *body) {
@@ -15230,29 +17685,36 @@ static dgfem_status dgfemi_check_skin_desc(const dgfem_skin_desc *desc) {
     return DGFEM_OK;
 }
 
-/* Lists the corners (3 * triangle + 0, 1, 2) of each vertex: normals then gather, each vertex on its own. */
-static int dgfemi_skin_make_corners(dgfem_skin *skin) {
-    int corners = 3 * skin->triangle_count, total = 0;
-    skin->corner_start = (int *)dgfemi_allocate_zero(&skin->hooks, (size_t)skin->vertex_count + 1, sizeof(int));
-    skin->corners = (int *)dgfemi_allocate(&skin->hooks, (size_t)corners, sizeof(int));
-    if (!skin->corner_start || !skin->corners) return 0;
-    for (int i = 0; i < corners; i++) skin->corner_start[skin->triangles[i]]++;
-    for (int v = 0; v <= skin->vertex_count; v++) { /* the end of each list, from where it is filled backwards */
-        total += skin->corner_start[v];
-        skin->corner_start[v] = total;
+/* Lists the corners (3 * triangle + 0, 1, 2) of each vertex: normals then gather, each vertex on its own. 1 on success;
+   what was allocated is the caller's in any case. */
+static int dgfemi_list_corners(const dgfem_hooks *hooks, const int *triangles, int triangle_count, int vertex_count,
+                               int **start, int **list) {
+    int corners = 3 * triangle_count, total = 0;
+    *start = (int *)dgfemi_allocate_zero(hooks, (size_t)vertex_count + 1, sizeof(int));
+    *list = (int *)dgfemi_allocate(hooks, (size_t)corners, sizeof(int));
+    if (!*start || !*list) return 0;
+    for (int i = 0; i < corners; i++) (*start)[triangles[i]]++;
+    for (int v = 0; v <= vertex_count; v++) { /* the end of each list, from where it is filled backwards */
+        total += (*start)[v];
+        (*start)[v] = total;
     }
-    for (int i = corners - 1; i >= 0; i--) skin->corners[--skin->corner_start[skin->triangles[i]]] = i;
+    for (int i = corners - 1; i >= 0; i--) (*list)[--(*start)[triangles[i]]] = i;
     return 1;
+}
+
+static int dgfemi_skin_make_corners(dgfem_skin *skin) {
+    return dgfemi_list_corners(&skin->hooks, skin->triangles, skin->triangle_count, skin->vertex_count,
+                               &skin->corner_start, &skin->corners);
 }
 
 /* 1 on success, 0 when out of memory. */
 static int dgfemi_skin_allocate(dgfem_skin *skin, const dgfem_skin_desc *desc) {
     const dgfem_hooks *hooks = &skin->hooks;
-    skin->vertex_count = desc->vertices.count;
+    skin->vertex_count = skin->original_vertex_count = desc->vertices.count;
     skin->positions = (dgfem_vec3 *)dgfemi_allocate(hooks, (size_t)skin->vertex_count, sizeof(dgfem_vec3));
     if (!skin->positions) return 0;
     if (!desc->triangles) return 1;
-    skin->triangle_count = desc->triangle_count;
+    skin->triangle_count = skin->original_triangle_count = desc->triangle_count;
     skin->normals = (dgfem_vec3 *)dgfemi_allocate(hooks, (size_t)skin->vertex_count, sizeof(dgfem_vec3));
     skin->triangles = (int *)dgfemi_duplicate(hooks, desc->triangles, 3 * (size_t)desc->triangle_count, sizeof(int));
     return skin->normals && skin->triangles && dgfemi_skin_make_corners(skin);
@@ -15268,8 +17730,32 @@ DGFEM_API void dgfem_skin_destroy(dgfem_skin *skin) {
     dgfemi_free(&hooks, skin->triangles);
     dgfemi_free(&hooks, skin->corner_start);
     dgfemi_free(&hooks, skin->corners);
+    dgfemi_free(&hooks, skin->parents);
+    dgfemi_free(&hooks, skin->parent_weight);
+    dgfemi_free(&hooks, skin->source);
+    dgfemi_free(&hooks, skin->wall);
+    dgfemi_free(&hooks, skin->weld);
+    dgfemi_free(&hooks, skin->anchors);
     dgfemi_free(&hooks, skin->sample_displacement);
     dgfemi_free(&hooks, skin);
+}
+
+/* Weights of these points, and room for the values of their samples; what the skin had is not freed. homes as in
+   dgfemi_embedding_build. On failure the skin is as it was. */
+static dgfem_status dgfemi_skin_embed(dgfem_skin *skin, const dgfem_body *body, const dgfem_points_in *points,
+                                      const int *homes) {
+    dgfem_embedding *embedding = NULL;
+    dgfem_status status = dgfemi_embedding_create_at(body, points, homes, &skin->hooks, &embedding);
+    dgfem_vec3 *displacement;
+    if (status != DGFEM_OK) return status;
+    displacement = (dgfem_vec3 *)dgfemi_allocate(&skin->hooks, (size_t)embedding->sample_count, sizeof(dgfem_vec3));
+    if (!displacement) {
+        dgfem_embedding_destroy(embedding);
+        return dgfemi_fail_memory(&skin->hooks);
+    }
+    skin->embedding = embedding;
+    skin->sample_displacement = displacement;
+    return DGFEM_OK;
 }
 
 static dgfem_status dgfemi_skin_create(const dgfem_body *body, const dgfem_skin_desc *desc, dgfem_skin **out) {
@@ -15279,12 +17765,7 @@ static dgfem_status dgfemi_skin_create(const dgfem_body *body, const dgfem_skin_
     if (!skin) return dgfemi_fail_memory(hooks);
     skin->hooks = *hooks;
     if (!dgfemi_skin_allocate(skin, desc)) status = dgfemi_fail_memory(hooks);
-    if (status == DGFEM_OK) status = dgfemi_embedding_create(body, &desc->vertices, hooks, &skin->embedding);
-    if (status == DGFEM_OK) {
-        skin->sample_displacement =
-            (dgfem_vec3 *)dgfemi_allocate(hooks, (size_t)skin->embedding->sample_count, sizeof(dgfem_vec3));
-        if (!skin->sample_displacement) status = dgfemi_fail_memory(hooks);
-    }
+    if (status == DGFEM_OK) status = dgfemi_skin_embed(skin, body, &desc->vertices, NULL);
     if (status != DGFEM_OK) {
         dgfem_skin_destroy(skin);
         return status;
@@ -15303,28 +17784,2507 @@ DGFEM_API dgfem_status dgfem_skin_create(const dgfem_body *body, const dgfem_ski
     return status == DGFEM_OK ? dgfemi_skin_create(body, desc, out) : status;
 }
 
+/* ---- renewal ---- */
+
+/* homes[v]: the element at the vertex's anchor where that is not its rest position, else DGFEM_NONE. Vertices at a cut
+   have one position and different anchors, on their own sides; these tell their elements whatever was split or merged
+   since. 1 on success, 0 when out of memory. */
+static int dgfemi_skin_homes(dgfemi_arena *arena, const dgfem_mesh *mesh, const dgfem_vec3 *points,
+                             const dgfem_vec3 *anchors, int count, int *homes) {
+    dgfemi_locator locator;
+    if (!dgfemi_locator_make(arena, mesh, &locator)) return 0;
+    for (int v = 0; v < count; v++)
+        homes[v] = memcmp(&points[v], &anchors[v], sizeof points[v]) ? dgfemi_locate(&locator, anchors[v]).element
+                                                                     : DGFEM_NONE;
+    return 1;
+}
+
+static dgfem_status dgfemi_skin_renew(dgfem_skin *skin, const dgfem_body *body) {
+    const dgfem_hooks hooks = skin->hooks;
+    dgfem_embedding *old = skin->embedding;
+    dgfem_vec3 *old_displacement = skin->sample_displacement;
+    dgfem_points_in points = dgfem_points_in_vec3(old->points, old->point_count);
+    dgfemi_arena arena = dgfemi_arena_make(&hooks);
+    int *homes = NULL;
+    dgfem_status status = DGFEM_OK;
+    if (skin->anchors) {
+        homes = (int *)dgfemi_arena_allocate(&arena, (size_t)skin->vertex_count, sizeof(int));
+        if (!homes || !dgfemi_skin_homes(&arena, body->mesh, old->points, skin->anchors, skin->vertex_count, homes))
+            status = dgfemi_fail_memory(&hooks);
+    }
+    if (status == DGFEM_OK) status = dgfemi_skin_embed(skin, body, &points, homes);
+    dgfemi_arena_free(&arena);
+    if (status != DGFEM_OK) return status;
+    dgfem_embedding_destroy(old);
+    dgfemi_free(&hooks, old_displacement);
+    dgfemi_skin_update(skin, body);
+    return DGFEM_OK;
+}
+
+DGFEM_API dgfem_status dgfem_skin_renew(dgfem_skin *skin, const dgfem_body *body) {
+    if (!skin) return DGFEM_ERROR_ARGUMENT;
+    if (!body) return dgfemi_fail(&skin->hooks, DGFEM_ERROR_ARGUMENT, "skin: no body");
+    return dgfemi_skin_renew(skin, body);
+}
+
 /* ---- results ---- */
 
-static dgfem_status dgfemi_skin_write(const dgfem_skin *skin, const dgfem_vec3 *values, const dgfem_points_out *out,
-                                      const char *what) {
-    dgfem_status status = dgfemi_check_points(&skin->hooks, out->data, out->type, out->stride, out->count, what);
+static dgfem_status dgfemi_write_points(const dgfem_hooks *hooks, const dgfem_vec3 *values, int count,
+                                        const dgfem_points_out *out, const char *what) {
+    dgfem_status status = dgfemi_check_points(hooks, out->data, out->type, out->stride, out->count, what);
     if (status != DGFEM_OK) return status;
-    if (out->count < skin->vertex_count)
-        return dgfemi_fail(&skin->hooks, DGFEM_ERROR_ARGUMENT, "%s: room for %d of %d", what, out->count,
-                           skin->vertex_count);
-    for (int v = 0; v < skin->vertex_count; v++) dgfemi_point_write(out, v, values[v]);
+    if (out->count < count)
+        return dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "%s: room for %d of %d", what, out->count, count);
+    for (int v = 0; v < count; v++) dgfemi_point_write(out, v, values[v]);
     return DGFEM_OK;
 }
 
 DGFEM_API dgfem_status dgfem_skin_positions(const dgfem_skin *skin, dgfem_points_out out) {
     if (!skin) return DGFEM_ERROR_ARGUMENT;
-    return dgfemi_skin_write(skin, skin->positions, &out, "skin positions");
+    return dgfemi_write_points(&skin->hooks, skin->positions, skin->vertex_count, &out, "skin positions");
 }
 
 DGFEM_API dgfem_status dgfem_skin_normals(const dgfem_skin *skin, dgfem_points_out out) {
     if (!skin) return DGFEM_ERROR_ARGUMENT;
     if (!skin->normals) return dgfemi_fail(&skin->hooks, DGFEM_ERROR_ARGUMENT, "skin normals: it has no triangles");
-    return dgfemi_skin_write(skin, skin->normals, &out, "skin normals");
+    return dgfemi_write_points(&skin->hooks, skin->normals, skin->vertex_count, &out, "skin normals");
+}
+
+/* ==== skin_split.c ================================================================================================ */
+
+/* Cutting a render mesh along with its body.
+
+   The skin's positions in the world decide. Vertices are below, above, or on the blade's plane (0). A triangle that
+   crosses the plane is split along its chord; where a polygon ends within the chord, tips are inserted:
+
+          + v0                          Points p, q are made once for each edge, tips once for each chord. Only the
+           / \                          parts of the chord inside the polygon are slit: p-c here, not c-q. There the
+       p  /   \  q                      sides get vertices of their own. An edge between a triangle below and one above
+    -----o--c--o-----                   lies in the plane, so the classes of (vertex, triangle) pairs that are connected
+        / \ | / \                       through edges off the slit are simple: a vertex of the slit has one below and
+       /___\|/___\                      one above, or only one, if an edge that is not slit joins the two (a tip).
+    - v1         - v2
+
+   A vertex may appear several times in the caller's mesh (seams of texture coordinates). Those of one place are one
+   `weld`, named by its first vertex; signs, slits and caps are decided on welds.
+
+   The slit's edges, closed along the polygon's boundary, bound the regions of the cross-section. Triangulated, and
+   refined inside, they are the walls, with vertices of their own. */
+
+/* Ends of an edge nearer to the plane than this part of its length across the plane count as on it, and vertices nearer
+   than this part of the skin's size. */
+#define DGFEM_SKIN_SNAP DGFEM_R(1e-4)
+#define DGFEM_SKIN_FLAT (DGFEM_REAL_IS_FLOAT ? DGFEM_R(4e-6) : DGFEM_R(1e-8))
+
+enum { DGFEMI_BELOW = 1, DGFEMI_ABOVE = 2, DGFEMI_LINKED = 4, DGFEMI_SLIT = 8 };
+
+/* An old vertex of the skin, or a new point: of an edge, or a tip. */
+typedef struct dgfemi_skin_point {
+    dgfem_vec3 world, rest, anchor;
+    int weld;      /* the point that stands for all of this place, itself included */
+    int parent[2]; /* points; DGFEM_NONE for old vertices */
+    dgfem_real t;
+    int out[2];    /* vertices of the result, below and above; the same where the point is not separated */
+    /* of welds: */
+    int sign;      /* -1, 0, 1 */
+    int flags;     /* what surrounds it */
+    int first[2];  /* lowest vertex of the result below, above */
+    int cap;       /* point of the cross-section */
+} dgfemi_skin_point;
+
+typedef struct dgfemi_skin_part {
+    int corner[3]; /* points */
+    int source, wall;
+    int side; /* DGFEMI_BELOW, DGFEMI_ABOVE, or both: not split though it crosses the plane */
+} dgfemi_skin_part;
+
+/* An edge between two points, in the order of their welds, with its new points from a to b. In a second table an edge
+   between welds in the plane, with the sides of its triangles. */
+typedef struct dgfemi_skin_edge {
+    int a, b;
+    int first, count;
+    int flags;
+} dgfemi_skin_edge;
+
+typedef struct dgfemi_skin_edges {
+    dgfemi_skin_edge *data;
+    int count, capacity;
+    dgfemi_buckets buckets;
+} dgfemi_skin_edges;
+
+/* A point of the cross-section. */
+typedef struct dgfemi_cap_point {
+    int weld; /* point of the skin, or DGFEM_NONE inside */
+    int parent[2]; /* of points between two others: points of the cross-section */
+    dgfem_vec3 world, rest;
+    int out[2]; /* vertices of the walls */
+} dgfemi_cap_point;
+
+/* A vertex of the result. */
+typedef struct dgfemi_skin_vertex {
+    dgfem_vec3 rest, anchor, world;
+    int parent[2];
+    dgfem_real weight;
+    int weld;
+    int side; /* -1, 1, or 0 where it does not matter */
+    int slit; /* 1: it has a counterpart on the other side */
+} dgfemi_skin_vertex;
+
+typedef struct dgfemi_skin_cutter {
+    const dgfem_skin *skin;
+    const dgfem_body *body;
+    const dgfemi_blade *blade;
+    const dgfem_hooks *hooks;
+    dgfemi_skin_point *points;
+    int point_count, point_capacity;
+    dgfemi_skin_part *parts;
+    int part_count, part_capacity;
+    char *split; /* [triangles] whether its chord is (partly) slit */
+    dgfemi_skin_edges edges, plane_edges;
+    double *clips; /* room for the parameters of one chord's clips */
+    int clip_count;
+    dgfemi_segments segments; /* of the cross-section, between cap points */
+    dgfemi_cap_point *caps;
+    int cap_count, cap_capacity;
+    dgfemi_ints cap_triangles;
+    dgfemi_skin_vertex *vertices;
+    int vertex_count, vertex_capacity;
+    dgfemi_ints triangles; /* of the result, three vertices each */
+} dgfemi_skin_cutter;
+
+static void dgfemi_skin_cutter_free(dgfemi_skin_cutter *c) {
+    dgfemi_free(c->hooks, c->points);
+    dgfemi_free(c->hooks, c->parts);
+    dgfemi_free(c->hooks, c->split);
+    dgfemi_free(c->hooks, c->edges.data);
+    dgfemi_buckets_free(c->hooks, &c->edges.buckets);
+    dgfemi_free(c->hooks, c->plane_edges.data);
+    dgfemi_buckets_free(c->hooks, &c->plane_edges.buckets);
+    dgfemi_free(c->hooks, c->clips);
+    dgfemi_free(c->hooks, c->segments.data);
+    dgfemi_free(c->hooks, c->caps);
+    dgfemi_free(c->hooks, c->cap_triangles.data);
+    dgfemi_free(c->hooks, c->vertices);
+    dgfemi_free(c->hooks, c->triangles.data);
+}
+
+/* Room for one more item of a growable array; NULL when out of memory. */
+static void *dgfemi_one_more(const dgfem_hooks *hooks, void *data, int count, int *capacity, size_t size) {
+    return count < *capacity ? data : dgfemi_grow(hooks, data, capacity, count + 1, size);
+}
+
+/* ---- points ---- */
+
+static dgfemi_skin_point *dgfemi_skin_weld(const dgfemi_skin_cutter *c, int point) {
+    return &c->points[c->points[point].weld];
+}
+
+static dgfem_vec3 dgfemi_skin_world(const dgfemi_skin_cutter *c, int point) { return dgfemi_skin_weld(c, point)->world; }
+
+static int dgfemi_skin_sign(const dgfemi_skin_cutter *c, int point) { return dgfemi_skin_weld(c, point)->sign; }
+
+/* A new point between two others; `weld` DGFEM_NONE: it is alone. Returns its index, DGFEM_NONE when out of memory. */
+static int dgfemi_skin_add_point(dgfemi_skin_cutter *c, int a, int b, dgfem_real t, int weld) {
+    void *grown = dgfemi_one_more(c->hooks, c->points, c->point_count, &c->point_capacity, sizeof *c->points);
+    dgfemi_skin_point *p;
+    const dgfemi_skin_point *pa, *pb;
+    if (!grown) return DGFEM_NONE;
+    c->points = (dgfemi_skin_point *)grown;
+    p = &c->points[c->point_count], pa = &c->points[a], pb = &c->points[b];
+    memset(p, 0, sizeof *p);
+    p->rest = dgfemi_add_scaled(pa->rest, t, dgfemi_sub(pb->rest, pa->rest));
+    p->anchor = dgfemi_add_scaled(pa->anchor, t, dgfemi_sub(pb->anchor, pa->anchor));
+    p->world = dgfemi_add_scaled(dgfemi_skin_world(c, a), t,
+                                 dgfemi_sub(dgfemi_skin_world(c, b), dgfemi_skin_world(c, a)));
+    p->parent[0] = a, p->parent[1] = b, p->t = t;
+    p->weld = weld == DGFEM_NONE ? c->point_count : weld;
+    p->out[0] = p->out[1] = p->first[0] = p->first[1] = p->cap = DGFEM_NONE;
+    return c->point_count++;
+}
+
+static uint64_t dgfemi_hash_position(dgfem_vec3 x) {
+    uint64_t hash = 0;
+    for (int axis = 0; axis < 3; axis++) {
+        double value = (double)dgfemi_axis(x, axis) + 0.0; /* one zero */
+        uint64_t bits;
+        memcpy(&bits, &value, sizeof bits);
+        hash = dgfemi_mix(hash ^ bits);
+    }
+    return hash;
+}
+
+/* Before the first cut, vertices with equal rest positions are one. 1 on success. */
+static int dgfemi_skin_find_welds(dgfemi_skin_cutter *c) {
+    const dgfem_vec3 *rest = c->skin->embedding->points;
+    dgfemi_buckets buckets;
+    int ok;
+    memset(&buckets, 0, sizeof buckets);
+    ok = dgfemi_buckets_reset(c->hooks, &buckets, c->skin->vertex_count);
+    for (int v = 0; ok && v < c->skin->vertex_count; v++) {
+        uint64_t hash = dgfemi_hash_position(rest[v]);
+        int i = dgfemi_buckets_first(&buckets, hash);
+        while (i != DGFEM_NONE && (rest[i].x != rest[v].x || rest[i].y != rest[v].y || rest[i].z != rest[v].z))
+            i = buckets.next[i];
+        c->points[v].weld = i == DGFEM_NONE ? v : i;
+        if (i == DGFEM_NONE) ok = dgfemi_buckets_insert(c->hooks, &buckets, v, hash);
+    }
+    dgfemi_buckets_free(c->hooks, &buckets);
+    return ok;
+}
+
+/* The skin's vertices as points and its triangles as parts. 1 on success. */
+static int dgfemi_skin_cutter_begin(dgfemi_skin_cutter *c) {
+    const dgfem_skin *skin = c->skin;
+    size_t vertices = (size_t)skin->vertex_count, triangles = (size_t)skin->triangle_count;
+    int corners = c->blade->polygon ? c->blade->polygon_count : 0;
+    c->points = (dgfemi_skin_point *)dgfemi_allocate_zero(c->hooks, vertices, sizeof *c->points);
+    c->parts = (dgfemi_skin_part *)dgfemi_allocate(c->hooks, triangles, sizeof *c->parts);
+    c->split = (char *)dgfemi_allocate_zero(c->hooks, triangles, 1);
+    c->clips = (double *)dgfemi_allocate(c->hooks, (size_t)corners + 2, sizeof(double));
+    if (!c->points || !c->parts || !c->split || !c->clips) return 0;
+    c->point_count = skin->vertex_count, c->point_capacity = skin->vertex_count ? skin->vertex_count : 1;
+    c->part_count = skin->triangle_count, c->part_capacity = skin->triangle_count ? skin->triangle_count : 1;
+    for (int v = 0; v < skin->vertex_count; v++) {
+        dgfemi_skin_point *p = &c->points[v];
+        p->world = skin->positions[v], p->rest = skin->embedding->points[v];
+        p->anchor = skin->anchors ? skin->anchors[v] : p->rest;
+        p->weld = skin->weld ? skin->weld[v] : v;
+        p->parent[0] = p->parent[1] = p->out[0] = p->out[1] = p->first[0] = p->first[1] = p->cap = DGFEM_NONE;
+    }
+    for (int t = 0; t < skin->triangle_count; t++) {
+        memcpy(c->parts[t].corner, skin->triangles + 3 * t, sizeof c->parts[t].corner);
+        c->parts[t].source = skin->source ? skin->source[t] : t;
+        c->parts[t].wall = skin->wall ? skin->wall[t] : 0;
+        c->parts[t].side = 0;
+    }
+    return dgfemi_buckets_reset(c->hooks, &c->edges.buckets, skin->triangle_count / 4) &&
+           dgfemi_buckets_reset(c->hooks, &c->plane_edges.buckets, skin->triangle_count / 4) &&
+           (skin->weld || dgfemi_skin_find_welds(c));
+}
+
+/* ---- signs ---- */
+
+/* Vertices this near to the plane are on it. */
+static dgfem_real dgfemi_skin_flatness(const dgfemi_skin_cutter *c) {
+    dgfem_vec3 lower = c->points[0].world, upper = lower;
+    dgfem_real size;
+    for (int v = 1; v < c->point_count; v++) {
+        lower = dgfemi_min3(lower, c->points[v].world);
+        upper = dgfemi_max3(upper, c->points[v].world);
+    }
+    size = dgfemi_max(dgfemi_norm(lower), dgfemi_norm(upper));
+    return dgfemi_max(DGFEM_SKIN_FLAT * dgfemi_distance(lower, upper), 16 * DGFEM_EPSILON * size);
+}
+
+/* Signs of all welds; then those too near to the plane on an edge that crosses it become zero. */
+static void dgfemi_skin_find_signs(dgfemi_skin_cutter *c) {
+    dgfem_real flat = c->point_count > 0 ? dgfemi_skin_flatness(c) : 0;
+    for (int v = 0; v < c->point_count; v++) {
+        dgfem_real d = dgfemi_blade_distance(c->blade, c->points[v].world);
+        c->points[v].sign = (d > flat) - (d < -flat);
+    }
+    for (int i = 0; i < 3 * c->part_count; i++) {
+        const int *corner = c->parts[i / 3].corner;
+        dgfemi_skin_point *a = dgfemi_skin_weld(c, corner[i % 3]), *b = dgfemi_skin_weld(c, corner[(i + 1) % 3]);
+        dgfem_real da, db;
+        da = dgfemi_abs(dgfemi_blade_distance(c->blade, a->world));
+        db = dgfemi_abs(dgfemi_blade_distance(c->blade, b->world));
+        if ((dgfemi_blade_distance(c->blade, a->world) > 0) == (dgfemi_blade_distance(c->blade, b->world) > 0)) continue;
+        if (da < DGFEM_SKIN_SNAP * (da + db)) a->sign = 0;
+        if (db < DGFEM_SKIN_SNAP * (da + db)) b->sign = 0;
+    }
+}
+
+/* The side of a triangle of points: that of its corners off the plane; in the plane, that of the material behind it. */
+static int dgfemi_skin_side(const dgfemi_skin_cutter *c, const int *corner) {
+    int side = 0;
+    dgfem_vec3 x[3];
+    for (int k = 0; k < 3; k++) {
+        int sign = dgfemi_skin_sign(c, corner[k]);
+        if (sign) side |= sign < 0 ? DGFEMI_BELOW : DGFEMI_ABOVE;
+        x[k] = dgfemi_skin_world(c, corner[k]);
+    }
+    if (side) return side;
+    return dgfemi_dot(dgfemi_cross(dgfemi_sub(x[1], x[0]), dgfemi_sub(x[2], x[0])), c->blade->normal) < 0
+               ? DGFEMI_ABOVE
+               : DGFEMI_BELOW;
+}
+
+/* ---- edges ---- */
+
+/* Finds the edge of two indices, in this order. DGFEM_NONE when there is none. */
+static int dgfemi_skin_edge_find(const dgfemi_skin_edges *edges, int a, int b) {
+    int i = dgfemi_buckets_first(&edges->buckets, dgfemi_hash_pair(a, b));
+    while (i != DGFEM_NONE && (edges->data[i].a != a || edges->data[i].b != b)) i = edges->buckets.next[i];
+    return i;
+}
+
+/* Finds or makes it; DGFEM_NONE when out of memory. */
+static int dgfemi_skin_edge_make(const dgfem_hooks *hooks, dgfemi_skin_edges *edges, int a, int b) {
+    int i = dgfemi_skin_edge_find(edges, a, b);
+    void *grown;
+    if (i != DGFEM_NONE) return i;
+    grown = dgfemi_one_more(hooks, edges->data, edges->count, &edges->capacity, sizeof *edges->data);
+    if (!grown) return DGFEM_NONE;
+    edges->data = (dgfemi_skin_edge *)grown;
+    memset(&edges->data[edges->count], 0, sizeof *edges->data);
+    edges->data[edges->count].a = a, edges->data[edges->count].b = b;
+    if (!dgfemi_buckets_insert(hooks, &edges->buckets, edges->count, dgfemi_hash_pair(a, b))) return DGFEM_NONE;
+    return edges->count++;
+}
+
+/* Puts two points in the order of their welds: seams then compute the same numbers on both sides. */
+static int dgfemi_skin_order(const dgfemi_skin_cutter *c, int *a, int *b) {
+    int swap = *a, wa = c->points[*a].weld, wb = c->points[*b].weld;
+    if (wa < wb || (wa == wb && *a < *b)) return 0;
+    *a = *b, *b = swap;
+    return 1;
+}
+
+/* Where the line between two points of opposite signs crosses the plane, in the order of their welds. */
+static dgfem_real dgfemi_skin_crossing(const dgfemi_skin_cutter *c, int a, int b, dgfem_vec3 *at) {
+    dgfem_vec3 xa, xb;
+    dgfem_real da, db, t;
+    (void)dgfemi_skin_order(c, &a, &b);
+    xa = dgfemi_skin_world(c, a), xb = dgfemi_skin_world(c, b);
+    da = dgfemi_blade_distance(c->blade, xa), db = dgfemi_blade_distance(c->blade, xb);
+    t = da / (da - db);
+    *at = dgfemi_add_scaled(xa, t, dgfemi_sub(xb, xa));
+    return t;
+}
+
+/* Gives an edge new points at the parameters t[count] from a to b, each the copy of one at the weld numbered on from
+   `welds`, if that is not DGFEM_NONE; unless it has some already. 1 on success. */
+static int dgfemi_skin_edge_fill(dgfemi_skin_cutter *c, int a, int b, const double *t, int count, int welds) {
+    int edge = dgfemi_skin_edge_make(c->hooks, &c->edges, a, b), first = c->point_count;
+    if (edge == DGFEM_NONE) return 0;
+    if (c->edges.data[edge].count > 0) return 1;
+    for (int i = 0; i < count; i++) {
+        double at = welds == DGFEM_NONE ? t[i] : (double)c->points[welds + i].t;
+        int weld = welds == DGFEM_NONE ? DGFEM_NONE : welds + i;
+        if (dgfemi_skin_add_point(c, a, b, (dgfem_real)at, weld) == DGFEM_NONE) return 0;
+    }
+    c->edges.data[edge].first = first, c->edges.data[edge].count = count;
+    return 1;
+}
+
+/* Divides the edge between the welds of two points, in their order. */
+static int dgfemi_skin_edge_divide(dgfemi_skin_cutter *c, int a, int b, const double *t, int count) {
+    return dgfemi_skin_edge_fill(c, c->points[a].weld, c->points[b].weld, t, count, DGFEM_NONE);
+}
+
+/* Gives the edges of all triangles the points of their welds' edges. 1 on success. */
+static int dgfemi_skin_divide_seams(dgfemi_skin_cutter *c) {
+    if (c->edges.count == 0) return 1;
+    for (int i = 0; i < 3 * c->part_count; i++) {
+        int a = c->parts[i / 3].corner[i % 3], b = c->parts[i / 3].corner[(i + 1) % 3], edge;
+        (void)dgfemi_skin_order(c, &a, &b);
+        edge = dgfemi_skin_edge_find(&c->edges, c->points[a].weld, c->points[b].weld);
+        if (edge == DGFEM_NONE || c->points[a].weld == c->points[b].weld) continue;
+        if (!dgfemi_skin_edge_fill(c, a, b, NULL, c->edges.data[edge].count, c->edges.data[edge].first)) return 0;
+    }
+    return 1;
+}
+
+/* The i-th new point of the edge from a to b, in this direction; DGFEM_NONE beyond the last. */
+static int dgfemi_skin_edge_point(const dgfemi_skin_cutter *c, int a, int b, int i) {
+    int backward = dgfemi_skin_order(c, &a, &b);
+    int edge = dgfemi_skin_edge_find(&c->edges, a, b);
+    const dgfemi_skin_edge *e = edge == DGFEM_NONE ? NULL : &c->edges.data[edge];
+    if (!e || i >= e->count) return DGFEM_NONE;
+    return e->first + (backward ? e->count - 1 - i : i);
+}
+
+/* ---- clips ---- */
+
+static int dgfemi_compare_doubles(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Fills c->clips with the parameters, ascending, at which the segment from p to q in the plane goes into or out of the
+   polygon, and returns whether some part of it lies inside. */
+static int dgfemi_skin_clip(dgfemi_skin_cutter *c, dgfem_vec3 p, dgfem_vec3 q) {
+    const dgfemi_blade *blade = c->blade;
+    double a[2], b[2], x[2], y[2];
+    int count = 0, kept = 0, inside, was_inside = 0, some = 0;
+    c->clip_count = 0;
+    if (!blade->polygon) return 1;
+    dgfemi_blade_project(blade, p, x), dgfemi_blade_project(blade, q, y);
+    dgfemi_blade_project(blade, blade->polygon[blade->polygon_count - 1], b);
+    for (int i = 0; i < blade->polygon_count; i++) {
+        double dx, dy, ex, ey, t;
+        memcpy(a, b, sizeof a);
+        dgfemi_blade_project(blade, blade->polygon[i], b);
+        if (dgfemi_orientation(a, b, x) * dgfemi_orientation(a, b, y) > 0) continue;
+        if (dgfemi_orientation(x, y, a) * dgfemi_orientation(x, y, b) > 0) continue;
+        dx = y[0] - x[0], dy = y[1] - x[1], ex = b[0] - a[0], ey = b[1] - a[1];
+        t = ((a[0] - x[0]) * ey - (a[1] - x[1]) * ex) / (dx * ey - dy * ex);
+        if (t > (double)DGFEM_SKIN_SNAP && t < 1 - (double)DGFEM_SKIN_SNAP) c->clips[count++] = t;
+    }
+    qsort(c->clips, (size_t)count, sizeof(double), dgfemi_compare_doubles);
+    for (int i = 0; i <= count; i++) { /* a clip stays where the segment is inside on one of its sides only */
+        double from = i > 0 ? c->clips[i - 1] : 0, to = i < count ? c->clips[i] : 1;
+        if (i > 0 && i < count && to - from < (double)DGFEM_SKIN_SNAP) continue;
+        inside = dgfemi_blade_covers(blade, dgfemi_add_scaled(p, (dgfem_real)(0.5 * (from + to)), dgfemi_sub(q, p)));
+        if (i > 0 && inside != was_inside) c->clips[kept++] = from;
+        was_inside = inside, some |= inside;
+    }
+    c->clip_count = kept;
+    return some;
+}
+
+/* ---- which chords are slit ---- */
+
+/* Turns a triangle that crosses the plane so that its first corner is the one on the plane, or the only one on its
+   side. 0: the triangle does not cross. */
+static int dgfemi_skin_turn(const dgfemi_skin_cutter *c, const int *corner, int *turned) {
+    int sign[3], below = 0, above = 0, first = 0;
+    for (int k = 0; k < 3; k++) {
+        sign[k] = dgfemi_skin_sign(c, corner[k]);
+        below += sign[k] < 0, above += sign[k] > 0;
+    }
+    if (!below || !above) return 0;
+    for (int k = 0; k < 3; k++)
+        if (below + above == 2 ? sign[k] == 0 : sign[k] == (below == 1 ? -1 : 1)) first = k;
+    for (int k = 0; k < 3; k++) turned[k] = corner[(first + k) % 3];
+    return 1;
+}
+
+/* The ends of a turned triangle's chord in the world: on the edge 0-1 or at corner 0, and on the edge 2-0 or 1-2. */
+static void dgfemi_skin_chord(const dgfemi_skin_cutter *c, const int *turned, dgfem_vec3 *p, dgfem_vec3 *q) {
+    if (dgfemi_skin_sign(c, turned[0]) == 0) {
+        *p = dgfemi_skin_world(c, turned[0]);
+        (void)dgfemi_skin_crossing(c, turned[1], turned[2], q);
+    } else {
+        (void)dgfemi_skin_crossing(c, turned[0], turned[1], p);
+        (void)dgfemi_skin_crossing(c, turned[2], turned[0], q);
+    }
+}
+
+static int dgfemi_skin_divide_at_plane(dgfemi_skin_cutter *c, int a, int b) {
+    dgfem_vec3 at;
+    double t = (double)dgfemi_skin_crossing(c, a, b, &at);
+    (void)dgfemi_skin_order(c, &a, &b);
+    return dgfemi_skin_edge_divide(c, a, b, &t, 1);
+}
+
+/* An edge in the plane that the polygon ends in is divided there. 1 on success. */
+static int dgfemi_skin_divide_in_plane(dgfemi_skin_cutter *c, int a, int b) {
+    if (c->points[a].weld == c->points[b].weld) return 1;
+    (void)dgfemi_skin_order(c, &a, &b);
+    (void)dgfemi_skin_clip(c, dgfemi_skin_world(c, a), dgfemi_skin_world(c, b));
+    return c->clip_count == 0 || dgfemi_skin_edge_divide(c, a, b, c->clips, c->clip_count);
+}
+
+/* Marks the triangles to be split and makes the points of their edges. 1 on success. */
+static int dgfemi_skin_find_chords(dgfemi_skin_cutter *c) {
+    for (int i = 0; i < c->part_count; i++) {
+        const int *corner = c->parts[i].corner;
+        int turned[3], first;
+        dgfem_vec3 p, q;
+        for (int k = 0; c->blade->polygon && k < 3; k++) {
+            int a = corner[k], b = corner[(k + 1) % 3];
+            if (dgfemi_skin_sign(c, a) || dgfemi_skin_sign(c, b)) continue;
+            if (!dgfemi_skin_divide_in_plane(c, a, b)) return 0;
+        }
+        if (!dgfemi_skin_turn(c, corner, turned)) continue;
+        dgfemi_skin_chord(c, turned, &p, &q);
+        if (!dgfemi_skin_clip(c, p, q)) continue;
+        c->split[i] = 1;
+        first = dgfemi_skin_sign(c, turned[0]) ? 0 : 1;
+        if (first == 1 && !dgfemi_skin_divide_at_plane(c, turned[1], turned[2])) return 0;
+        if (first == 0 && (!dgfemi_skin_divide_at_plane(c, turned[0], turned[1]) ||
+                           !dgfemi_skin_divide_at_plane(c, turned[2], turned[0])))
+            return 0;
+    }
+    return dgfemi_skin_divide_seams(c);
+}
+
+/* ---- splitting ---- */
+
+/* A part of triangle `of`, in its place if that is still free (`*placed` is 0), else at the end. 1 on success. */
+static int dgfemi_skin_add_part(dgfemi_skin_cutter *c, int of, int *placed, int p, int q, int r) {
+    dgfemi_skin_part part = c->parts[of];
+    part.corner[0] = p, part.corner[1] = q, part.corner[2] = r;
+    if (*placed) {
+        void *grown = dgfemi_one_more(c->hooks, c->parts, c->part_count, &c->part_capacity, sizeof *c->parts);
+        if (!grown) return 0;
+        c->parts = (dgfemi_skin_part *)grown;
+        c->parts[c->part_count++] = part;
+    } else {
+        c->parts[of] = part;
+        *placed = 1;
+    }
+    return 1;
+}
+
+/* The triangles between an apex and an edge from a to b with its new points. A triangle next to a or b whose other
+   edge has points too is divided once more, as that edge's fan. */
+static int dgfemi_skin_fan(dgfemi_skin_cutter *c, int of, int *placed, int apex, int a, int b) {
+    int from = a, to, i = 0, inner;
+    do {
+        int outer_from = DGFEM_NONE, outer_to = DGFEM_NONE, last = from, opposite;
+        to = dgfemi_skin_edge_point(c, a, b, i++);
+        if (to == DGFEM_NONE) to = b;
+        if (from == a) outer_from = apex, outer_to = a;
+        if (to == b && (from != a || dgfemi_skin_edge_point(c, apex, a, 0) == DGFEM_NONE)) outer_from = b, outer_to = apex;
+        opposite = outer_from == b ? from : to;
+        if (outer_from == DGFEM_NONE || dgfemi_skin_edge_point(c, outer_from, outer_to, 0) == DGFEM_NONE) {
+            if (!dgfemi_skin_add_part(c, of, placed, apex, from, to)) return 0;
+        } else {
+            last = outer_from;
+            for (int k = 0; last != outer_to; k++) {
+                inner = dgfemi_skin_edge_point(c, outer_from, outer_to, k);
+                if (inner == DGFEM_NONE) inner = outer_to;
+                if (!dgfemi_skin_add_part(c, of, placed, opposite, last, inner)) return 0;
+                last = inner;
+            }
+        }
+        from = to;
+    } while (to != b);
+    return 1;
+}
+
+/* A triangle that does not cross, but has new points on edges in the plane. */
+static int dgfemi_skin_split_edges(dgfemi_skin_cutter *c, int of, const int *corner) {
+    int placed = 0;
+    for (int k = 0; k < 3; k++) {
+        int a = corner[k], b = corner[(k + 1) % 3];
+        if (dgfemi_skin_edge_point(c, a, b, 0) == DGFEM_NONE) continue;
+        return dgfemi_skin_fan(c, of, &placed, corner[(k + 2) % 3], a, b);
+    }
+    return 1;
+}
+
+/* The i-th point of a chord: its ends p and q and the tips between, which are numbered on from `tips`. */
+static int dgfemi_chord_point(int p, int q, int tips, int tip_count, int i) {
+    return i == 0 ? p : i > tip_count ? q : tips + i - 1;
+}
+
+/* Splits along the chord from p to q with its tips; a: corner (or corners a, b) to its left, r to its right. */
+static int dgfemi_skin_split_chord(dgfemi_skin_cutter *c, int of, const int *v, int p, int q) {
+    int placed = 0, tips, tip_count, lone = p != v[0], best = 0;
+    dgfem_real shortest = -1;
+    if (!dgfemi_skin_clip(c, dgfemi_skin_world(c, p), dgfemi_skin_world(c, q))) c->clip_count = 0;
+    tips = c->point_count, tip_count = c->clip_count;
+    for (int i = 0; i < tip_count; i++)
+        if (dgfemi_skin_add_point(c, p, q, (dgfem_real)c->clips[i], DGFEM_NONE) == DGFEM_NONE) return 0;
+    for (int i = 0; lone && i <= tip_count + 1; i++) { /* where the quad's two fans meet */
+        dgfem_vec3 x = dgfemi_skin_world(c, dgfemi_chord_point(p, q, tips, tip_count, i));
+        dgfem_real length = dgfemi_distance(x, dgfemi_skin_world(c, v[1])) + dgfemi_distance(x, dgfemi_skin_world(c, v[2]));
+        if (shortest < 0 || length < shortest) shortest = length, best = i;
+    }
+    for (int i = 0; i <= tip_count; i++) {
+        int from = dgfemi_chord_point(p, q, tips, tip_count, i), to = dgfemi_chord_point(p, q, tips, tip_count, i + 1);
+        int left = lone ? v[0] : v[2], right = lone && i >= best ? v[2] : v[1];
+        if (!dgfemi_skin_add_part(c, of, &placed, left, from, to)) return 0;
+        if (!dgfemi_skin_add_part(c, of, &placed, right, to, from)) return 0;
+    }
+    if (!lone) return 1;
+    return dgfemi_skin_add_part(c, of, &placed, v[1], v[2], dgfemi_chord_point(p, q, tips, tip_count, best));
+}
+
+/* Splits a triangle as its edges and its chord ask. 1 on success. */
+static int dgfemi_skin_split_triangle(dgfemi_skin_cutter *c, int of) {
+    int v[3], corner[3], p, q, placed = 0;
+    memcpy(corner, c->parts[of].corner, sizeof corner);
+    if (!dgfemi_skin_turn(c, corner, v)) return dgfemi_skin_split_edges(c, of, corner);
+    if (dgfemi_skin_sign(c, v[0]) == 0) {
+        q = dgfemi_skin_edge_point(c, v[1], v[2], 0);
+        return q == DGFEM_NONE || dgfemi_skin_split_chord(c, of, v, v[0], q);
+    }
+    p = dgfemi_skin_edge_point(c, v[0], v[1], 0), q = dgfemi_skin_edge_point(c, v[2], v[0], 0);
+    if (p != DGFEM_NONE && q != DGFEM_NONE) return dgfemi_skin_split_chord(c, of, v, p, q);
+    if (p != DGFEM_NONE)
+        return dgfemi_skin_add_part(c, of, &placed, v[0], p, v[2]) && dgfemi_skin_add_part(c, of, &placed, p, v[1], v[2]);
+    if (q != DGFEM_NONE)
+        return dgfemi_skin_add_part(c, of, &placed, v[0], v[1], q) && dgfemi_skin_add_part(c, of, &placed, q, v[1], v[2]);
+    return 1;
+}
+
+static int dgfemi_skin_split_all(dgfemi_skin_cutter *c) {
+    int count = c->part_count;
+    if (c->edges.count > 0)
+        for (int i = 0; i < count; i++)
+            if (!dgfemi_skin_split_triangle(c, i)) return 0;
+    for (int i = 0; i < c->part_count; i++) c->parts[i].side = dgfemi_skin_side(c, c->parts[i].corner);
+    return 1;
+}
+
+/* ---- the slit ---- */
+
+static dgfemi_skin_edge *dgfemi_skin_plane_edge(const dgfemi_skin_cutter *c, int a, int b) {
+    int edge = dgfemi_skin_edge_find(&c->plane_edges, a < b ? a : b, a < b ? b : a);
+    return edge == DGFEM_NONE ? NULL : &c->plane_edges.data[edge];
+}
+
+/* The welds of the k-th edge of a part when both its ends are on the plane, else 0. */
+static int dgfemi_skin_part_edge(const dgfemi_skin_cutter *c, const dgfemi_skin_part *part, int k, int *a, int *b) {
+    *a = c->points[part->corner[k]].weld, *b = c->points[part->corner[(k + 1) % 3]].weld;
+    return *a != *b && c->points[*a].sign == 0 && c->points[*b].sign == 0;
+}
+
+/* Collects the sides around the points and edges on the plane, and decides which edges are slit. 1 on success. */
+static int dgfemi_skin_find_slit(dgfemi_skin_cutter *c) {
+    for (int i = 0; i < 3 * c->part_count; i++) {
+        const dgfemi_skin_part *part = &c->parts[i / 3];
+        int a, b, edge;
+        dgfemi_skin_weld(c, part->corner[i % 3])->flags |=
+            part->side == (DGFEMI_BELOW | DGFEMI_ABOVE) ? part->side | DGFEMI_LINKED : part->side;
+        if (!dgfemi_skin_part_edge(c, part, i % 3, &a, &b)) continue;
+        edge = dgfemi_skin_edge_make(c->hooks, &c->plane_edges, a < b ? a : b, a < b ? b : a);
+        if (edge == DGFEM_NONE) return 0;
+        c->plane_edges.data[edge].flags |= part->side;
+    }
+    for (int i = 0; i < c->plane_edges.count; i++) {
+        dgfemi_skin_edge *edge = &c->plane_edges.data[i];
+        dgfemi_skin_point *a = &c->points[edge->a], *b = &c->points[edge->b];
+        if (edge->flags != (DGFEMI_BELOW | DGFEMI_ABOVE)) continue;
+        edge->flags |= dgfemi_blade_covers(c->blade, dgfemi_scale(DGFEM_R(0.5), dgfemi_add(a->world, b->world)))
+                           ? DGFEMI_SLIT
+                           : DGFEMI_LINKED;
+        a->flags |= edge->flags, b->flags |= edge->flags;
+    }
+    return 1;
+}
+
+/* Whether a weld has a vertex on each side. Without a slit at it: where two sides touch in this point alone. */
+static int dgfemi_skin_is_separated(const dgfemi_skin_cutter *c, const dgfemi_skin_point *weld) {
+    const int both = DGFEMI_BELOW | DGFEMI_ABOVE;
+    if (weld->sign != 0 || (weld->flags & both) != both || weld->flags & DGFEMI_LINKED) return 0;
+    return weld->flags & DGFEMI_SLIT || dgfemi_blade_covers(c->blade, weld->world);
+}
+
+/* ==== skin_cap.c ================================================================================================== */
+
+/* Second part of cutting a render mesh: the cross-section. The slit's edges, closed along the polygon's boundary, are
+   joined to loops and regions, triangulated, and refined inside. */
+
+/* ---- the cross-section ---- */
+
+/* A point of the cross-section: at a weld, or with weld DGFEM_NONE between two others or by itself. DGFEM_NONE when out
+   of memory. */
+static int dgfemi_skin_add_cap(dgfemi_skin_cutter *c, int weld, int a, int b, dgfem_vec3 world, dgfem_vec3 rest) {
+    void *grown = dgfemi_one_more(c->hooks, c->caps, c->cap_count, &c->cap_capacity, sizeof *c->caps);
+    dgfemi_cap_point *cap;
+    if (!grown) return DGFEM_NONE;
+    c->caps = (dgfemi_cap_point *)grown;
+    cap = &c->caps[c->cap_count];
+    cap->weld = weld, cap->parent[0] = a, cap->parent[1] = b;
+    cap->world = world, cap->rest = rest;
+    cap->out[0] = cap->out[1] = DGFEM_NONE;
+    return c->cap_count++;
+}
+
+static int dgfemi_skin_cap_at(dgfemi_skin_cutter *c, int weld) {
+    dgfemi_skin_point *p = &c->points[weld];
+    if (p->cap == DGFEM_NONE) p->cap = dgfemi_skin_add_cap(c, weld, DGFEM_NONE, DGFEM_NONE, p->world, p->rest);
+    return p->cap;
+}
+
+/* The slit's edges as the triangles above see them: with the cross-section on their left, seen from the normal's tip. */
+static int dgfemi_skin_find_segments(dgfemi_skin_cutter *c) {
+    for (int i = 0; i < 3 * c->part_count; i++) {
+        const dgfemi_skin_part *part = &c->parts[i / 3];
+        int a, b, from, to;
+        if (part->side != DGFEMI_ABOVE || !dgfemi_skin_part_edge(c, part, i % 3, &a, &b)) continue;
+        if (!(dgfemi_skin_plane_edge(c, a, b)->flags & DGFEMI_SLIT)) continue;
+        from = dgfemi_skin_cap_at(c, a), to = dgfemi_skin_cap_at(c, b);
+        if (from == DGFEM_NONE || to == DGFEM_NONE || !dgfemi_segment_push(c->hooks, &c->segments, from, to)) return 0;
+    }
+    return 1;
+}
+
+static int dgfemi_skin_wind(const dgfemi_blade *blade, dgfem_vec3 from, dgfem_vec3 to, const double *q) {
+    double a[2], b[2];
+    dgfemi_blade_project(blade, from, a), dgfemi_blade_project(blade, to, b);
+    return dgfemi_edge_winding(a, b, q);
+}
+
+/* How often the whole cross-section, slit or not, winds round a point of the plane: 0 outside the body. */
+static int dgfemi_skin_section_winding(const dgfemi_skin_cutter *c, dgfem_vec3 x) {
+    double q[2];
+    int winding = 0;
+    dgfemi_blade_project(c->blade, x, q);
+    for (int i = 0; i < c->part_count; i++) {
+        const dgfemi_skin_part *part = &c->parts[i];
+        int v[3], a, b;
+        dgfem_vec3 from, to;
+        for (int k = 0; part->side == DGFEMI_ABOVE && k < 3; k++)
+            if (dgfemi_skin_part_edge(c, part, k, &a, &b) && dgfemi_skin_plane_edge(c, a, b)->flags & DGFEMI_BELOW)
+                winding += dgfemi_skin_wind(c->blade, c->points[a].world, c->points[b].world, q);
+        if (!dgfemi_skin_turn(c, part->corner, v)) continue;
+        dgfemi_skin_chord(c, v, &from, &to); /* with v[0], or else v[2], on its left */
+        if (dgfemi_skin_sign(c, dgfemi_skin_sign(c, v[0]) ? v[0] : v[2]) > 0)
+            winding += dgfemi_skin_wind(c->blade, from, to, q);
+        else
+            winding += dgfemi_skin_wind(c->blade, to, from, q);
+    }
+    return winding;
+}
+
+/* ---- the polygon's boundary inside the body ---- */
+
+/* Where the slit leaves the polygon (1) or enters it (-1): along its boundary, edge + fraction, counter-clockwise. */
+typedef struct dgfemi_tip {
+    double at;
+    int cap, leaves;
+} dgfemi_tip;
+
+static int dgfemi_compare_tips(const void *a, const void *b) {
+    const dgfemi_tip *s = (const dgfemi_tip *)a, *t = (const dgfemi_tip *)b;
+    if (s->at != t->at) return s->at < t->at ? -1 : 1;
+    if (s->leaves != t->leaves) return s->leaves - t->leaves;
+    return (s->cap > t->cap) - (s->cap < t->cap);
+}
+
+static int dgfemi_blade_is_clockwise(const dgfemi_blade *blade) {
+    dgfem_vec3 sum = dgfemi_vec3(0, 0, 0);
+    for (int i = 2; i < blade->polygon_count; i++)
+        sum = dgfemi_add(sum, dgfemi_cross(dgfemi_sub(blade->polygon[i - 1], blade->polygon[0]),
+                                           dgfemi_sub(blade->polygon[i], blade->polygon[0])));
+    return dgfemi_dot(sum, blade->normal) < 0;
+}
+
+/* Corner i of the polygon, counter-clockwise. */
+static dgfem_vec3 dgfemi_blade_corner(const dgfemi_blade *blade, int clockwise, int i) {
+    i %= blade->polygon_count;
+    return blade->polygon[clockwise ? blade->polygon_count - 1 - i : i];
+}
+
+static double dgfemi_blade_place(const dgfemi_blade *blade, int clockwise, dgfem_vec3 x) {
+    dgfem_real nearest = -1;
+    double at = 0;
+    for (int i = 0; i < blade->polygon_count; i++) {
+        dgfem_vec3 a = dgfemi_blade_corner(blade, clockwise, i), b = dgfemi_blade_corner(blade, clockwise, i + 1);
+        dgfem_vec3 foot = dgfemi_nearest_on_segment(a, b, x);
+        dgfem_real distance = dgfemi_distance(foot, x), length = dgfemi_distance(a, b);
+        if (nearest >= 0 && !(distance < nearest)) continue;
+        nearest = distance;
+        at = i + (length > 0 ? 0.999999 * (double)(dgfemi_distance(foot, a) / length) : 0);
+    }
+    return at;
+}
+
+/* The material point now at x: of all elements' maps, inverted by Newton's method, that of the element it comes nearest
+   to. */
+static dgfem_vec3 dgfemi_skin_rest_of(const dgfem_body *body, dgfem_vec3 x) {
+    const dgfem_mesh *mesh = body->mesh;
+    dgfem_vec3 best = x;
+    dgfem_real smallest = -1;
+    for (int e = 0; e < mesh->element_count; e++) {
+        dgfem_vec3 rest = mesh->elements[e].centre, gradients[DGFEM_MAX_BASIS];
+        dgfem_real distance;
+        for (int step = 0; step < 12; step++) {
+            dgfem_vec3 r = dgfemi_sub(x, dgfemi_add(rest, dgfemi_evaluate(body, body->displacement, e, rest))), c0, c1, c2;
+            dgfem_mat3 f = dgfemi_identity();
+            dgfem_real determinant;
+            dgfemi_basis_gradients(body->degree[e], body->origin[e], body->scale[e], rest, gradients);
+            for (int i = 1; i < body->basis_start[e + 1] - body->basis_start[e]; i++)
+                dgfemi_add_outer(&f, 1, body->displacement[body->basis_start[e] + i], gradients[i]);
+            determinant = dgfemi_determinant(&f);
+            if (!(dgfemi_abs(determinant) > 0)) break;
+            c0 = dgfemi_column(&f, 0), c1 = dgfemi_column(&f, 1), c2 = dgfemi_column(&f, 2); /* Cramer's rule */
+            rest = dgfemi_add(rest, dgfemi_scale(1 / determinant, dgfemi_vec3(dgfemi_dot(r, dgfemi_cross(c1, c2)),
+                                                                              dgfemi_dot(c0, dgfemi_cross(r, c2)),
+                                                                              dgfemi_dot(c0, dgfemi_cross(c1, r)))));
+            if (body->degree[e] == 1) break;
+        }
+        distance = dgfemi_distance(rest, mesh->elements[e].centre) / mesh->elements[e].radius;
+        if (!(distance >= 0) || (smallest >= 0 && distance > smallest && distance > 1)) continue;
+        if (distance <= 1) distance = dgfemi_locate_in(mesh, e, rest).distance / mesh->elements[e].radius;
+        if (smallest < 0 || distance < smallest) smallest = distance, best = rest;
+    }
+    return best;
+}
+
+/* Appends segments along the polygon's boundary from a cap point past corners first .. last to another. */
+static int dgfemi_skin_follow_polygon(dgfemi_skin_cutter *c, int from, int to, int first, int last, int clockwise) {
+    for (int i = first; i <= last; i++) {
+        dgfem_vec3 x = dgfemi_blade_corner(c->blade, clockwise, i);
+        int cap = dgfemi_skin_add_cap(c, DGFEM_NONE, DGFEM_NONE, DGFEM_NONE, x, dgfemi_skin_rest_of(c->body, x));
+        if (cap == DGFEM_NONE || (from != DGFEM_NONE && !dgfemi_segment_push(c->hooks, &c->segments, from, cap))) return 0;
+        if (from == DGFEM_NONE) to = cap; /* a whole round */
+        from = cap;
+    }
+    return dgfemi_segment_push(c->hooks, &c->segments, from, to);
+}
+
+/* Tips in the order in which the polygon's boundary leaves the body (where the slit enters the polygon) and enters it by
+   turns. Some share a place, as where it crosses both walls of an earlier slit, which it leaves the body at first: there
+   the turns decide. The second round knows which turn it is at the first tip. */
+static void dgfemi_order_tips(dgfemi_tip *tips, int count) {
+    for (int i = 0; i < count; i++) tips[i].at = floor(tips[i].at * 1e6) / 1e6;
+    qsort(tips, (size_t)count, sizeof *tips, dgfemi_compare_tips);
+    for (int round = 0; round < 2; round++)
+        for (int i = 0; i + 1 < count; i++) {
+            dgfemi_tip swap = tips[i];
+            int last = tips[i > 0 ? i - 1 : count - 1].leaves;
+            if (swap.leaves != last || tips[i + 1].leaves == last || tips[i + 1].at - swap.at > 2e-6) continue;
+            tips[i] = tips[i + 1], tips[i + 1] = swap;
+        }
+}
+
+/* Joins each place where the slit leaves the polygon with the next one where it enters. Where it never does, the whole
+   polygon lies inside the body or outside. tips is room for one per cap point. 1 on success. */
+static int dgfemi_skin_close_along_polygon(dgfemi_skin_cutter *c, dgfemi_tip *tips) {
+    int clockwise = dgfemi_blade_is_clockwise(c->blade), corners = c->blade->polygon_count, count = 0;
+    for (int i = 0; i < c->cap_count; i++) tips[i].cap = i, tips[i].leaves = 0;
+    for (int i = 0; i < c->segments.count; i++)
+        tips[c->segments.data[i].to].leaves++, tips[c->segments.data[i].from].leaves--;
+    for (int i = 0; i < c->cap_count; i++) {
+        if (tips[i].leaves != 1 && tips[i].leaves != -1) continue;
+        tips[count] = tips[i];
+        tips[count++].at = dgfemi_blade_place(c->blade, clockwise, c->caps[i].world);
+    }
+    if (count == 0)
+        return dgfemi_skin_section_winding(c, c->blade->polygon[0]) <= 0 ||
+               dgfemi_skin_follow_polygon(c, DGFEM_NONE, DGFEM_NONE, 0, corners - 1, clockwise);
+    dgfemi_order_tips(tips, count);
+    for (int i = 0; i < count; i++) {
+        const dgfemi_tip *tip = &tips[i], *next = &tips[(i + 1) % count];
+        int last = (int)next->at + (next->at < tip->at && i + 1 == count ? corners : 0);
+        if (tip->leaves != 1 || next->leaves != -1) continue;
+        if (!dgfemi_skin_follow_polygon(c, tip->cap, next->cap, (int)tip->at + 1, last, clockwise)) return 0;
+    }
+    return 1;
+}
+
+/* Drops chains of segments that do not close: the skin has a border there. degree: two numbers for each cap point. */
+static void dgfemi_skin_prune(dgfemi_skin_cutter *c, int *degree) {
+    int dropped = 1;
+    while (dropped) {
+        int kept = 0;
+        memset(degree, 0, 2 * (size_t)c->cap_count * sizeof(int));
+        for (int i = 0; i < c->segments.count; i++)
+            degree[2 * c->segments.data[i].from]++, degree[2 * c->segments.data[i].to + 1]++;
+        for (int i = 0; i < c->segments.count; i++) {
+            dgfemi_segment segment = c->segments.data[i];
+            if (degree[2 * segment.to] == 0 || degree[2 * segment.from + 1] == 0) {
+                degree[2 * segment.from]--, degree[2 * segment.to + 1]--;
+                continue;
+            }
+            c->segments.data[kept++] = segment;
+        }
+        dropped = c->segments.count - kept;
+        c->segments.count = kept;
+    }
+}
+
+/* ---- triangles of the cross-section ---- */
+
+/* Triangulates the region that `owner` bounds. 1 on success. */
+static int dgfemi_skin_triangulate_region(dgfemi_skin_cutter *c, dgfemi_arena *arena, const dgfemi_joiner *joiner,
+                                          int owner) {
+    int loops = dgfemi_join_loop_count(joiner), loop_count = 0, count = 0, room;
+    int *start = (int *)dgfemi_arena_allocate(arena, (size_t)loops + 1, sizeof(int));
+    int *group = (int *)dgfemi_arena_allocate(arena, (size_t)loops, sizeof(int));
+    int *vertices = (int *)dgfemi_arena_allocate(arena, (size_t)joiner->vertices.count, sizeof(int));
+    dgfemi_planar planar;
+    dgfemi_triangles list;
+    if (!start || !group || !vertices) return 0;
+    for (int l = 0; l < loops; l++) {
+        int first = joiner->start.data[l], corners = joiner->start.data[l + 1] - first;
+        if (joiner->owner.data[l] != owner || corners < 3) continue;
+        start[loop_count++] = count;
+        memcpy(vertices + count, joiner->vertices.data + first, (size_t)corners * sizeof(int));
+        count += corners;
+    }
+    start[loop_count] = count;
+    if (loop_count == 0) return 1;
+    if (!dgfemi_planar_make(&planar, arena, joiner->mesh->vertices, vertices, start, loop_count, c->blade->normal))
+        return 0;
+    room = dgfemi_planar_triangle_count(&planar);
+    list.data = (int *)dgfemi_arena_allocate(arena, 3 * (size_t)(room > 0 ? room : 1), sizeof(int));
+    list.capacity = room, list.count = 0;
+    if (!list.data) return 0;
+    dgfemi_planar_triangulate(&planar, group, &list);
+    for (int i = 0; i < 3 * list.count && i < 3 * room; i++)
+        if (!dgfemi_push(c->hooks, &c->cap_triangles, list.data[i])) return 0;
+    return 1;
+}
+
+/* Segments -> loops -> regions -> triangles. Loops that do not close get none. 1 on success. */
+static int dgfemi_skin_triangulate(dgfemi_skin_cutter *c, dgfemi_arena *arena) {
+    dgfem_mesh flat; /* the joiner looks at its vertices only */
+    dgfemi_joiner joiner;
+    dgfem_status status;
+    int ok = 1;
+    memset(&flat, 0, sizeof flat);
+    memset(&joiner, 0, sizeof joiner);
+    flat.hooks = *c->hooks, flat.hooks.log = NULL;
+    flat.vertices = (dgfem_vec3 *)dgfemi_arena_allocate(arena, (size_t)c->cap_count, sizeof(dgfem_vec3));
+    if (!flat.vertices) return 0;
+    for (int i = 0; i < c->cap_count; i++) flat.vertices[i] = c->caps[i].world;
+    flat.vertex_count = c->cap_count;
+    joiner.mesh = &flat;
+    dgfemi_projection_axes(c->blade->normal, &joiner.axis_u, &joiner.axis_v);
+    status = dgfemi_join_loops(&joiner, &c->segments);
+    if (status == DGFEM_OK) status = dgfemi_join_regions(&joiner);
+    for (int l = 0; ok && status == DGFEM_OK && l < dgfemi_join_loop_count(&joiner); l++)
+        if (joiner.owner.data[l] == l) ok = dgfemi_skin_triangulate_region(c, arena, &joiner, l);
+    dgfemi_joiner_free(&joiner);
+    return ok && status != DGFEM_ERROR_MEMORY;
+}
+
+/* ---- refinement inside ---- */
+
+/* Edges inside the cross-section longer than this times the elements' mean radius get a point in their middle, unless
+   they are shorter than the edges of the boundary next to them. */
+#define DGFEM_WALL_SPACING DGFEM_R(1.5)
+#define DGFEM_WALL_ROUNDS 16
+
+/* c->cap_triangles with neighbours: across the edge from corner k to the next one lies edge neighbour[3 t + k], written
+   3 * triangle + corner, of the triangle there; DGFEM_NONE at the boundary. */
+typedef struct dgfemi_wall_mesh {
+    dgfemi_skin_cutter *cutter;
+    dgfemi_ints neighbour;
+    double (*flat)[2]; /* [cap points] */
+    int flat_capacity;
+} dgfemi_wall_mesh;
+
+static int dgfemi_wall_next(int edge) { return edge - edge % 3 + (edge + 1) % 3; }
+static int dgfemi_wall_before(int edge) { return edge - edge % 3 + (edge + 2) % 3; }
+
+static dgfem_real dgfemi_wall_length(const dgfemi_wall_mesh *w, int edge) {
+    const int *corners = w->cutter->cap_triangles.data;
+    return dgfemi_distance(w->cutter->caps[corners[edge]].world,
+                           w->cutter->caps[corners[dgfemi_wall_next(edge)]].world);
+}
+
+static void dgfemi_wall_link(dgfemi_wall_mesh *w, int edge, int other) {
+    w->neighbour.data[edge] = other;
+    if (other != DGFEM_NONE) w->neighbour.data[other] = edge;
+}
+
+/* Finds the neighbours. Edges of more than two triangles count as boundary. 1 on success. */
+static int dgfemi_wall_link_all(dgfemi_wall_mesh *w) {
+    const dgfem_hooks *hooks = w->cutter->hooks;
+    const int *corners = w->cutter->cap_triangles.data;
+    int count = w->cutter->cap_triangles.count, ok;
+    dgfemi_buckets buckets;
+    memset(&buckets, 0, sizeof buckets);
+    ok = dgfemi_buckets_reset(hooks, &buckets, count);
+    for (int i = 0; ok && i < count; i++) {
+        int a = corners[i], b = corners[dgfemi_wall_next(i)], j;
+        ok = dgfemi_push(hooks, &w->neighbour, DGFEM_NONE);
+        if (!ok) break;
+        for (j = dgfemi_buckets_first(&buckets, dgfemi_hash_pair(b, a)); j != DGFEM_NONE; j = buckets.next[j])
+            if (corners[j] == b && corners[dgfemi_wall_next(j)] == a && w->neighbour.data[j] == DGFEM_NONE) break;
+        if (j != DGFEM_NONE) dgfemi_wall_link(w, i, j);
+        ok = dgfemi_buckets_insert(hooks, &buckets, i, dgfemi_hash_pair(a, b));
+    }
+    dgfemi_buckets_free(hooks, &buckets);
+    return ok;
+}
+
+static int dgfemi_wall_turn(const dgfemi_wall_mesh *w, int a, int b, int c) {
+    return dgfemi_orientation(w->flat[a], w->flat[b], w->flat[c]);
+}
+
+/* Whether the diagonal c-d of the quad a d b c is the better one: convex, and a-b fails Delaunay's test, the two angles
+   that look at it being more than 180 degrees together. */
+static int dgfemi_wall_should_flip(const dgfemi_wall_mesh *w, int a, int b, int c, int d) {
+    const dgfemi_cap_point *p = w->cutter->caps;
+    dgfem_vec3 ca = dgfemi_sub(p[a].world, p[c].world), cb = dgfemi_sub(p[b].world, p[c].world);
+    dgfem_vec3 da = dgfemi_sub(p[a].world, p[d].world), db = dgfemi_sub(p[b].world, p[d].world);
+    dgfem_real sine_c = dgfemi_norm(dgfemi_cross(ca, cb)), sine_d = dgfemi_norm(dgfemi_cross(da, db));
+    dgfem_real cosine_c = dgfemi_dot(ca, cb), cosine_d = dgfemi_dot(da, db);
+    dgfem_real size = dgfemi_norm(ca) * dgfemi_norm(cb) * dgfemi_norm(da) * dgfemi_norm(db);
+    if (c == d || !(sine_c * cosine_d + cosine_c * sine_d < -64 * DGFEM_EPSILON * size)) return 0;
+    return dgfemi_wall_turn(w, c, a, d) > 0 && dgfemi_wall_turn(w, d, b, c) > 0;
+}
+
+/*      c                c
+       / \              /|\        edge a-b of the triangle a b c, whose neighbour is b a d:
+      a---b     ->     a | b       triangles become a d c and d b c
+       \ /              \|/
+        d                d        */
+static void dgfemi_wall_flip(dgfemi_wall_mesh *w, int edge) {
+    int *corners = w->cutter->cap_triangles.data, *neighbour = w->neighbour.data;
+    int other = neighbour[edge], t[3], s[3], outer[4];
+    t[0] = edge, t[1] = dgfemi_wall_next(edge), t[2] = dgfemi_wall_before(edge);
+    s[0] = other, s[1] = dgfemi_wall_next(other), s[2] = dgfemi_wall_before(other);
+    outer[0] = neighbour[t[1]], outer[1] = neighbour[t[2]], outer[2] = neighbour[s[1]], outer[3] = neighbour[s[2]];
+    /* t: a b c -> a d c, s: b a d -> d b c, as corners 0, 1, 2 from the flipped edge's place on */
+    corners[t[1]] = corners[s[2]];
+    corners[s[1]] = corners[s[0]], corners[s[0]] = corners[s[2]], corners[s[2]] = corners[t[2]];
+    dgfemi_wall_link(w, t[0], outer[2]); /* a-d */
+    dgfemi_wall_link(w, t[1], s[2]);     /* d-c */
+    dgfemi_wall_link(w, t[2], outer[1]); /* c-a */
+    dgfemi_wall_link(w, s[0], outer[3]); /* d-b */
+    dgfemi_wall_link(w, s[1], outer[0]); /* b-c */
+}
+
+/* Flips until all is Delaunay, or for long enough. */
+static void dgfemi_wall_flip_all(dgfemi_wall_mesh *w) {
+    for (int round = 0; round < 64; round++) {
+        int flipped = 0;
+        for (int i = 0; i < w->cutter->cap_triangles.count; i++) {
+            const int *corners = w->cutter->cap_triangles.data;
+            int other = w->neighbour.data[i];
+            if (other == DGFEM_NONE) continue;
+            if (!dgfemi_wall_should_flip(w, corners[i], corners[other], corners[dgfemi_wall_before(i)],
+                                         corners[dgfemi_wall_before(other)]))
+                continue;
+            dgfemi_wall_flip(w, i);
+            flipped++;
+        }
+        if (!flipped) return;
+    }
+}
+
+/* Whether an edge is long enough for a point in its middle. */
+static int dgfemi_wall_is_long(const dgfemi_wall_mesh *w, int edge, dgfem_real spacing) {
+    dgfem_real length = dgfemi_wall_length(w, edge);
+    int around[4];
+    if (!(length > spacing)) return 0;
+    around[0] = dgfemi_wall_next(edge), around[1] = dgfemi_wall_before(edge);
+    around[2] = dgfemi_wall_next(w->neighbour.data[edge]), around[3] = dgfemi_wall_before(w->neighbour.data[edge]);
+    for (int k = 0; k < 4; k++)
+        if (w->neighbour.data[around[k]] == DGFEM_NONE && dgfemi_wall_length(w, around[k]) > length) return 0;
+    return 1;
+}
+
+/*      c                c
+       / \              /|\        a new point m: a m c stays in place of a b c, m a d of b a d;
+      a---b     ->     a-m-b       m b c and b m d are new
+       \ /              \|/
+        d                d        */
+static int dgfemi_wall_divide(dgfemi_wall_mesh *w, int edge) {
+    dgfemi_skin_cutter *c = w->cutter;
+    int other = w->neighbour.data[edge], t1 = dgfemi_wall_next(edge), s2 = dgfemi_wall_before(other), new_t, new_s, m;
+    int a = c->cap_triangles.data[edge], b = c->cap_triangles.data[other], outer_t = w->neighbour.data[t1],
+        outer_s = w->neighbour.data[s2], t[6];
+    m = dgfemi_skin_add_cap(c, DGFEM_NONE, a, b, dgfemi_scale(DGFEM_R(0.5), dgfemi_add(c->caps[a].world, c->caps[b].world)),
+                            dgfemi_scale(DGFEM_R(0.5), dgfemi_add(c->caps[a].rest, c->caps[b].rest)));
+    if (m == DGFEM_NONE) return 0;
+    if (m >= w->flat_capacity) {
+        void *grown = dgfemi_grow(c->hooks, w->flat, &w->flat_capacity, m + 1, sizeof *w->flat);
+        if (!grown) return 0;
+        w->flat = (double(*)[2])grown;
+    }
+    dgfemi_blade_project(c->blade, c->caps[m].world, w->flat[m]);
+    new_t = c->cap_triangles.count, new_s = new_t + 3;
+    t[0] = m, t[1] = b, t[2] = c->cap_triangles.data[dgfemi_wall_before(edge)];
+    t[3] = b, t[4] = m, t[5] = c->cap_triangles.data[s2];
+    for (int k = 0; k < 6; k++)
+        if (!dgfemi_push(c->hooks, &c->cap_triangles, t[k]) || !dgfemi_push(c->hooks, &w->neighbour, DGFEM_NONE))
+            return 0;
+    c->cap_triangles.data[t1] = m, c->cap_triangles.data[other] = m;
+    dgfemi_wall_link(w, new_t, new_s);                         /* m-b */
+    dgfemi_wall_link(w, new_t + 1, outer_t);                   /* b-c */
+    dgfemi_wall_link(w, new_t + 2, t1);                        /* c-m */
+    dgfemi_wall_link(w, new_s + 1, s2);                        /* m-d */
+    dgfemi_wall_link(w, new_s + 2, outer_s);                   /* d-b */
+    return 1;
+}
+
+static dgfem_real dgfemi_skin_mean_radius(const dgfem_mesh *mesh) {
+    dgfem_real sum = 0;
+    for (int e = 0; e < mesh->element_count; e++) sum += mesh->elements[e].radius;
+    return sum / (dgfem_real)(mesh->element_count > 0 ? mesh->element_count : 1);
+}
+
+/* Points inside large walls, so that they can bend. 1 on success. */
+static int dgfemi_skin_refine_caps(dgfemi_skin_cutter *c) {
+    dgfem_real spacing = DGFEM_WALL_SPACING * dgfemi_skin_mean_radius(c->body->mesh);
+    dgfemi_wall_mesh w;
+    int ok;
+    memset(&w, 0, sizeof w);
+    w.cutter = c;
+    w.flat_capacity = c->cap_count;
+    w.flat = (double(*)[2])dgfemi_allocate(c->hooks, (size_t)c->cap_count, sizeof *w.flat);
+    ok = w.flat != NULL;
+    for (int i = 0; ok && i < c->cap_count; i++) dgfemi_blade_project(c->blade, c->caps[i].world, w.flat[i]);
+    ok = ok && dgfemi_wall_link_all(&w);
+    for (int round = 0; ok && round < DGFEM_WALL_ROUNDS; round++) {
+        int count = c->cap_triangles.count, divided = 0;
+        dgfemi_wall_flip_all(&w);
+        for (int i = 0; ok && i < count; i++) {
+            if (w.neighbour.data[i] == DGFEM_NONE || !dgfemi_wall_is_long(&w, i, spacing)) continue;
+            ok = dgfemi_wall_divide(&w, i);
+            divided = 1;
+        }
+        if (!divided) break;
+    }
+    dgfemi_free(c->hooks, w.neighbour.data);
+    dgfemi_free(c->hooks, w.flat);
+    return ok;
+}
+
+/* The triangles of the cross-section inside the blade. 1 on success. */
+static int dgfemi_skin_find_caps(dgfemi_skin_cutter *c) {
+    dgfemi_arena arena = dgfemi_arena_make(c->hooks);
+    int ok = dgfemi_skin_find_segments(c);
+    if (ok && c->blade->polygon) {
+        dgfemi_tip *tips = (dgfemi_tip *)dgfemi_arena_allocate(&arena, (size_t)c->cap_count, sizeof *tips);
+        ok = tips && dgfemi_skin_close_along_polygon(c, tips);
+    }
+    if (ok && c->segments.count > 0) {
+        int *degree = (int *)dgfemi_arena_allocate(&arena, 2 * (size_t)c->cap_count, sizeof(int));
+        ok = degree != NULL;
+        if (ok) dgfemi_skin_prune(c, degree);
+    }
+    if (ok && c->segments.count > 0) ok = dgfemi_skin_triangulate(c, &arena) && dgfemi_skin_refine_caps(c);
+    dgfemi_arena_free(&arena);
+    return ok;
+}
+
+/* ==== skin_cut.c ================================================================================================== */
+
+/* Third part of cutting a render mesh: the vertices on both sides, the walls, and which elements carry them. */
+
+/* ---- vertices of the result ---- */
+
+static int dgfemi_skin_add_vertex(dgfemi_skin_cutter *c, dgfem_vec3 rest, dgfem_vec3 anchor, dgfem_vec3 world, int a,
+                                  int b, dgfem_real weight, int side) {
+    void *grown = dgfemi_one_more(c->hooks, c->vertices, c->vertex_count, &c->vertex_capacity, sizeof *c->vertices);
+    dgfemi_skin_vertex *v;
+    if (!grown) return DGFEM_NONE;
+    c->vertices = (dgfemi_skin_vertex *)grown;
+    v = &c->vertices[c->vertex_count];
+    v->rest = rest, v->anchor = anchor, v->world = world, v->side = side, v->slit = 0;
+    v->parent[0] = a, v->parent[1] = b, v->weight = weight, v->weld = c->vertex_count;
+    return c->vertex_count++;
+}
+
+static int dgfemi_skin_first_out(const dgfemi_skin_cutter *c, int point) {
+    if (point < c->skin->vertex_count) return point;
+    return c->points[point].out[0] != DGFEM_NONE ? c->points[point].out[0] : c->points[point].out[1];
+}
+
+/* The vertex of a point as seen from a side (0 below, 1 above): an old vertex keeps its index on the side that asks
+   first. DGFEM_NONE when out of memory. */
+static int dgfemi_skin_vertex_of(dgfemi_skin_cutter *c, int point, int s) {
+    dgfemi_skin_point *p = &c->points[point], *weld = &c->points[p->weld];
+    int separated = dgfemi_skin_is_separated(c, weld), side = weld->sign, v = point;
+    if (p->out[s] != DGFEM_NONE) return p->out[s];
+    if (separated || side == 0) side = weld->flags & (s ? DGFEMI_BELOW : DGFEMI_ABOVE) && !separated ? 0 : s ? 1 : -1;
+    if (point >= c->skin->vertex_count)
+        v = dgfemi_skin_add_vertex(c, p->rest, p->anchor, p->world, dgfemi_skin_first_out(c, p->parent[0]),
+                                   dgfemi_skin_first_out(c, p->parent[1]), p->t, side);
+    else if (p->out[1 - s] != DGFEM_NONE)
+        v = dgfemi_skin_add_vertex(c, p->rest, p->anchor, p->world, point, point, 0, side);
+    if (v == DGFEM_NONE) return DGFEM_NONE;
+    c->vertices[v].side = side, c->vertices[v].slit = separated;
+    p->out[s] = v;
+    if (!separated) p->out[1 - s] = v;
+    for (int k = 0; k < 2; k++)
+        if (p->out[k] == v && (weld->first[k] == DGFEM_NONE || v < weld->first[k])) weld->first[k] = v;
+    return v;
+}
+
+/* Vertices of all parts, points of edges before tips, whose parents they are; then welds. 1 on success. */
+static int dgfemi_skin_make_vertices(dgfemi_skin_cutter *c) {
+    int old = c->skin->vertex_count;
+    for (int v = 0; v < old; v++)
+        if (dgfemi_skin_add_vertex(c, c->points[v].rest, c->points[v].anchor, c->points[v].world, DGFEM_NONE,
+                                   DGFEM_NONE, 0, dgfemi_skin_sign(c, v)) == DGFEM_NONE)
+            return 0;
+    for (int pass = 0; pass < 2; pass++)
+        for (int i = 0; i < 3 * c->part_count; i++) {
+            const dgfemi_skin_part *part = &c->parts[i / 3];
+            int point = part->corner[i % 3];
+            int is_tip = point >= old && (c->points[point].parent[0] >= old || c->points[point].parent[1] >= old);
+            if (is_tip == pass && dgfemi_skin_vertex_of(c, point, part->side == DGFEMI_ABOVE) == DGFEM_NONE) return 0;
+        }
+    for (int i = 0; i < 3 * c->part_count; i++) {
+        const dgfemi_skin_part *part = &c->parts[i / 3];
+        int point = part->corner[i % 3], s = part->side == DGFEMI_ABOVE, v = c->points[point].out[s];
+        c->vertices[v].weld = c->points[c->points[point].weld].first[s];
+        if (!dgfemi_push(c->hooks, &c->triangles, v)) return 0;
+    }
+    return 1;
+}
+
+/* The wall's vertex on a side of a point of the cross-section. DGFEM_NONE when out of memory. */
+static int dgfemi_skin_wall_vertex(dgfemi_skin_cutter *c, int cap, int s) {
+    dgfemi_cap_point *p = &c->caps[cap];
+    int v, a = DGFEM_NONE, b = DGFEM_NONE, side = s ? 1 : -1, weld = DGFEM_NONE;
+    dgfem_vec3 anchor = p->rest;
+    if (p->out[s] != DGFEM_NONE) return p->out[s];
+    if (p->weld != DGFEM_NONE) { /* a copy of the skin's own vertex there */
+        weld = a = b = c->points[p->weld].first[s];
+        side = c->vertices[a].side, anchor = c->vertices[a].anchor;
+    } else if (p->parent[0] != DGFEM_NONE) {
+        a = c->caps[p->parent[0]].out[s], b = c->caps[p->parent[1]].out[s];
+        anchor = dgfemi_scale(DGFEM_R(0.5), dgfemi_add(c->vertices[a].anchor, c->vertices[b].anchor));
+    } else { /* on the slit's front */
+        side = 0, weld = p->out[1 - s];
+    }
+    v = dgfemi_skin_add_vertex(c, p->rest, anchor, p->world, a, b, p->weld == DGFEM_NONE && a != b ? DGFEM_R(0.5) : 0,
+                               side);
+    if (v == DGFEM_NONE) return DGFEM_NONE;
+    if (weld != DGFEM_NONE) c->vertices[v].weld = weld;
+    c->vertices[v].slit = side != 0;
+    c->caps[cap].out[s] = v;
+    return v;
+}
+
+/* The walls: below with the normal along the blade's, above against it. 1 on success. */
+static int dgfemi_skin_make_walls(dgfemi_skin_cutter *c) {
+    char *used = (char *)dgfemi_allocate_zero(c->hooks, (size_t)c->cap_count, 1);
+    int ok = used != NULL;
+    for (int i = 0; ok && i < c->cap_triangles.count; i++) used[c->cap_triangles.data[i]] = 1;
+    for (int i = c->cap_count - 1; ok && i >= 0; i--) /* parents too */
+        for (int k = 0; used[i] && k < 2; k++)
+            if (c->caps[i].parent[k] != DGFEM_NONE) used[c->caps[i].parent[k]] = 1;
+    for (int i = 0; ok && i < c->cap_count; i++)
+        for (int s = 0; ok && used[i] && s < 2; s++) ok = dgfemi_skin_wall_vertex(c, i, s) != DGFEM_NONE;
+    for (int s = 0; ok && s < 2; s++)
+        for (int i = 0; ok && i < c->cap_triangles.count; i++) {
+            int corner = s && i % 3 ? i - i % 3 + 3 - i % 3 : i;
+            ok = dgfemi_push(c->hooks, &c->triangles, c->caps[c->cap_triangles.data[corner]].out[s]);
+        }
+    dgfemi_free(c->hooks, used);
+    return ok;
+}
+
+/* ---- homes: no weight across the cut ---- */
+
+/* An anchor goes this part of the way from its place to the element's centre: inside, beyond round-off. */
+#define DGFEM_ANCHOR_DEPTH DGFEM_R(0.02)
+
+/* The elements as the blade sees them. */
+typedef struct dgfemi_blade_sides {
+    signed char *sign;   /* [elements] side of the element's centre */
+    char *at_blade;      /* [elements] 1 for those with a face that the blade has cut */
+    char *on_blade;      /* [faces] */
+    int *mark, *queue;   /* [elements] search that met the element last; room for one search */
+    int stamp;
+} dgfemi_blade_sides;
+
+static dgfem_vec3 dgfemi_skin_element_world(const dgfem_body *body, int element, dgfem_vec3 x) {
+    return dgfemi_add(x, dgfemi_evaluate(body, body->displacement, element, x));
+}
+
+/* Whether the blade has cut a face: open, near it, between elements whose centres are on different sides. */
+static int dgfemi_skin_is_on_blade(const dgfemi_skin_cutter *c, const dgfemi_blade_sides *sides, int face) {
+    const dgfem_mesh *mesh = c->body->mesh;
+    const dgfem_face *f = &mesh->faces[face];
+    int a = f->element[0], b = f->element[1];
+    dgfem_vec3 x;
+    if (b == DGFEM_NONE || !f->cut || sides->sign[a] == sides->sign[b]) return 0;
+    x = dgfemi_scale(DGFEM_R(0.5), dgfemi_add(dgfemi_skin_element_world(c->body, a, f->centre),
+                                              dgfemi_skin_element_world(c->body, b, f->centre)));
+    return dgfemi_abs(dgfemi_blade_distance(c->blade, x)) <=
+               dgfemi_max(mesh->elements[a].radius, mesh->elements[b].radius) &&
+           dgfemi_blade_covers(c->blade, x);
+}
+
+static int dgfemi_skin_find_sides(dgfemi_arena *arena, const dgfemi_skin_cutter *c, dgfemi_blade_sides *sides) {
+    const dgfem_mesh *mesh = c->body->mesh;
+    size_t elements = (size_t)mesh->element_count;
+    memset(sides, 0, sizeof *sides);
+    sides->sign = (signed char *)dgfemi_arena_allocate(arena, elements, 1);
+    sides->at_blade = (char *)dgfemi_arena_allocate_zero(arena, elements, 1);
+    sides->on_blade = (char *)dgfemi_arena_allocate_zero(arena, (size_t)mesh->face_count, 1);
+    sides->mark = (int *)dgfemi_arena_allocate_zero(arena, elements, sizeof(int));
+    sides->queue = (int *)dgfemi_arena_allocate(arena, elements, sizeof(int));
+    if (!sides->sign || !sides->at_blade || !sides->on_blade || !sides->mark || !sides->queue) return 0;
+    for (int e = 0; e < mesh->element_count; e++)
+        sides->sign[e] =
+            dgfemi_blade_side(c->blade, dgfemi_skin_element_world(c->body, e, mesh->elements[e].centre)) ? 1 : -1;
+    for (int f = 0; f < mesh->face_count; f++) {
+        if (!dgfemi_skin_is_on_blade(c, sides, f)) continue;
+        sides->on_blade[f] = 1;
+        sides->at_blade[mesh->faces[f].element[0]] = sides->at_blade[mesh->faces[f].element[1]] = 1;
+    }
+    return 1;
+}
+
+/* The element on a side that is nearest to x, of those around `element`; it must be reached through glued faces and
+   through this cut, not through earlier ones. Without any the element itself. */
+static int dgfemi_skin_nearest_on_side(dgfemi_blade_sides *sides, const dgfemi_locator *locator, int element,
+                                       dgfem_vec3 x, int side) {
+    const dgfem_mesh *mesh = locator->mesh;
+    dgfem_real nearest = mesh->elements[element].radius;
+    int best = element, count = 1;
+    sides->queue[0] = element, sides->mark[element] = ++sides->stamp;
+    for (int i = 0; i < count; i++) {
+        const dgfem_element *e = &mesh->elements[sides->queue[i]];
+        if (sides->sign[sides->queue[i]] == side) {
+            dgfem_real distance = dgfemi_locate_in(mesh, sides->queue[i], x).distance;
+            if (distance < nearest) nearest = distance, best = sides->queue[i];
+        }
+        for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+            const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+            int other = face->element[face->element[0] == sides->queue[i]];
+            if (other == DGFEM_NONE || sides->mark[other] == sides->stamp) continue;
+            if (face->cut && !sides->on_blade[mesh->element_faces[k]]) continue;
+            if (!(dgfemi_box_distance(locator->lower[other], locator->upper[other], x) < nearest)) continue;
+            sides->mark[other] = sides->stamp;
+            sides->queue[count++] = other;
+        }
+    }
+    return best;
+}
+
+/* homes[v]: where each vertex of the result is reached from. Vertices at the cut get anchors on their own side. */
+static int dgfemi_skin_find_homes(dgfemi_arena *arena, dgfemi_skin_cutter *c, int *homes) {
+    const dgfem_mesh *mesh = c->body->mesh;
+    dgfemi_blade_sides sides;
+    dgfemi_locator locator;
+    if (!dgfemi_locator_make(arena, mesh, &locator) || !dgfemi_skin_find_sides(arena, c, &sides)) return 0;
+    for (int i = 0; i < c->vertex_count; i++) {
+        dgfemi_skin_vertex *v = &c->vertices[i];
+        int e = dgfemi_locate(&locator, v->anchor).element;
+        int near = dgfemi_abs(dgfemi_blade_distance(c->blade, v->world)) < DGFEM_R(0.1) * mesh->elements[e].radius;
+        int concerned = v->side != 0 && (v->slit || (sides.at_blade[e] && (near || sides.sign[e] != v->side)));
+        if (concerned) {
+            dgfem_vec3 x;
+            if (sides.sign[e] != v->side) e = dgfemi_skin_nearest_on_side(&sides, &locator, e, v->anchor, v->side);
+            x = dgfemi_locate_in(mesh, e, v->anchor).nearest;
+            v->anchor = dgfemi_add_scaled(x, DGFEM_ANCHOR_DEPTH, dgfemi_sub(mesh->elements[e].centre, x));
+        }
+        homes[i] = memcmp(&v->anchor, &v->rest, sizeof v->rest) ? e : DGFEM_NONE;
+    }
+    return 1;
+}
+
+/* ---- the new skin ---- */
+
+/* Arrays of the result that do not depend on the embedding. 1 on success. */
+static int dgfemi_skin_result_allocate(const dgfemi_skin_cutter *c, dgfem_skin *out) {
+    const dgfem_hooks *hooks = c->hooks;
+    size_t vertices = (size_t)c->vertex_count, triangles = (size_t)(c->triangles.count / 3);
+    size_t added = vertices - (size_t)c->skin->original_vertex_count;
+    out->vertex_count = c->vertex_count, out->triangle_count = c->triangles.count / 3;
+    out->original_vertex_count = c->skin->original_vertex_count;
+    out->original_triangle_count = c->skin->original_triangle_count;
+    out->positions = (dgfem_vec3 *)dgfemi_allocate(hooks, vertices, sizeof(dgfem_vec3));
+    out->parents = (int *)dgfemi_allocate(hooks, 2 * added, sizeof(int));
+    out->parent_weight = (dgfem_real *)dgfemi_allocate(hooks, added, sizeof(dgfem_real));
+    out->weld = (int *)dgfemi_allocate(hooks, vertices, sizeof(int));
+    out->anchors = (dgfem_vec3 *)dgfemi_allocate(hooks, vertices, sizeof(dgfem_vec3));
+    if (!out->positions || !out->parents || !out->parent_weight || !out->weld || !out->anchors) return 0;
+    if (!c->skin->triangles) return 1;
+    out->normals = (dgfem_vec3 *)dgfemi_allocate(hooks, vertices, sizeof(dgfem_vec3));
+    out->triangles = (int *)dgfemi_duplicate(hooks, c->triangles.data, 3 * triangles, sizeof(int));
+    out->source = (int *)dgfemi_allocate(hooks, triangles, sizeof(int));
+    out->wall = (int *)dgfemi_allocate(hooks, triangles, sizeof(int));
+    return out->normals && out->triangles && out->source && out->wall && dgfemi_skin_make_corners(out);
+}
+
+static void dgfemi_skin_result_fill(const dgfemi_skin_cutter *c, dgfem_skin *out) {
+    const dgfem_skin *skin = c->skin;
+    int original = skin->original_vertex_count, old = skin->vertex_count, walls = c->cap_triangles.count / 3;
+    out->cut_count = skin->cut_count + (walls > 0 || out->triangle_count > skin->triangle_count);
+    for (int v = 0; v < out->vertex_count; v++) {
+        const dgfemi_skin_vertex *vertex = &c->vertices[v];
+        out->weld[v] = vertex->weld, out->anchors[v] = vertex->anchor;
+        if (v < original) continue;
+        out->parents[2 * (v - original)] = v < old ? skin->parents[2 * (v - original)] : vertex->parent[0];
+        out->parents[2 * (v - original) + 1] = v < old ? skin->parents[2 * (v - original) + 1] : vertex->parent[1];
+        out->parent_weight[v - original] = v < old ? skin->parent_weight[v - original] : vertex->weight;
+    }
+    for (int t = 0; t < out->triangle_count; t++) {
+        int part = t < c->part_count;
+        out->source[t] = part ? c->parts[t].source : DGFEM_NONE;
+        out->wall[t] = part ? c->parts[t].wall : t < c->part_count + walls ? -out->cut_count : out->cut_count;
+    }
+}
+
+static dgfem_status dgfemi_skin_result(dgfemi_skin_cutter *c, dgfem_skin **out) {
+    const dgfem_hooks *hooks = c->hooks;
+    dgfemi_arena arena = dgfemi_arena_make(hooks);
+    int *homes = (int *)dgfemi_arena_allocate(&arena, (size_t)c->vertex_count, sizeof(int));
+    dgfem_skin *skin = (dgfem_skin *)dgfemi_allocate_zero(hooks, 1, sizeof *skin);
+    dgfem_points_in rest;
+    dgfem_status status = DGFEM_OK;
+    if (skin) skin->hooks = *hooks;
+    if (!homes || !skin || !dgfemi_skin_find_homes(&arena, c, homes) || !dgfemi_skin_result_allocate(c, skin))
+        status = dgfemi_fail_memory(hooks);
+    if (status == DGFEM_OK) {
+        dgfemi_skin_result_fill(c, skin);
+        rest = dgfem_points_in_vec3((const dgfem_vec3 *)(const void *)c->vertices, c->vertex_count); /* its first member */
+        rest.stride = (int)sizeof *c->vertices;
+        status = dgfemi_skin_embed(skin, c->body, &rest, homes);
+    }
+    dgfemi_arena_free(&arena);
+    if (status != DGFEM_OK) {
+        dgfem_skin_destroy(skin);
+        return status;
+    }
+    dgfemi_skin_update(skin, c->body);
+    *out = skin;
+    return DGFEM_OK;
+}
+
+/* A copy of the skin, cut by the blade; `body` is the body after its elements were. On failure nothing is made. */
+static dgfem_status dgfemi_skin_cut(const dgfem_skin *skin, const dgfem_body *body, const dgfemi_blade *blade,
+                                    dgfem_skin **out) {
+    dgfemi_skin_cutter c;
+    dgfem_status status;
+    memset(&c, 0, sizeof c);
+    c.skin = skin, c.body = body, c.blade = blade, c.hooks = &skin->hooks;
+    *out = NULL;
+    if (!dgfemi_skin_cutter_begin(&c)) {
+        dgfemi_skin_cutter_free(&c);
+        return dgfemi_fail_memory(&skin->hooks);
+    }
+    dgfemi_skin_find_signs(&c);
+    if (dgfemi_skin_find_chords(&c) && dgfemi_skin_split_all(&c) && dgfemi_skin_find_slit(&c) &&
+        dgfemi_skin_find_caps(&c) && dgfemi_skin_make_vertices(&c) && dgfemi_skin_make_walls(&c))
+        status = dgfemi_skin_result(&c, out);
+    else
+        status = dgfemi_fail_memory(&skin->hooks);
+    dgfemi_skin_cutter_free(&c);
+    return status;
+}
+
+/* ==== surface.c =================================================================================================== */
+
+/* The exact boundary of the elements as triangles: faces at the boundary, and cut faces once for each side.
+
+   A vertex is a corner (a class of (vertex, element) pairs, dgfem_mesh_corners) and a smooth part of the surface
+   around it. So the surface is watertight where elements are glued and open where they are cut, and has sharp edges
+   between walls and the outside. All vertices of one corner move with the mean of its elements' polynomials, eq. (30):
+   unlike the MLS value that follows the elements themselves, also where there is one only. */
+
+#define DGFEM_CREASE DGFEM_R(0.5) /* cosine of the angle between faces, at rest, above which their edge is sharp */
+
+/* One side of an open face, and one corner of its loops. */
+typedef struct dgfemi_surface_side {
+    int face, side, element;
+    int first, count; /* its corners */
+    int wall;
+} dgfemi_surface_side;
+
+typedef struct dgfemi_surface_corner {
+    int owner;                  /* face side */
+    int corner, next, previous; /* corners of the mesh: of this one and its neighbours along the loop */
+    int vertex;                 /* of the mesh */
+    int root;                   /* forest over the side corners of one corner: smooth parts */
+    int out;                    /* vertex of the surface */
+} dgfemi_surface_corner;
+
+typedef struct dgfemi_surface_build {
+    const dgfem_mesh *mesh;
+    const dgfem_corners *corners;
+    dgfemi_surface_side *sides;
+    dgfemi_surface_corner *items;
+    int side_count, item_count, loop_count; /* loops: the most that a face has */
+    int *head, *chain;                      /* side corners of each corner of the mesh */
+    int *corner_of_vertex;                  /* within one element */
+    int *out_of_vertex;                     /* within one side */
+} dgfemi_surface_build;
+
+/* Whether the boundary says by tags what is outside; a boundary face without tag is a wall then. */
+static int dgfemi_surface_has_tags(const dgfem_mesh *mesh) {
+    for (int f = 0; f < mesh->face_count; f++)
+        if (mesh->faces[f].element[1] == DGFEM_NONE && mesh->faces[f].tag != DGFEM_NONE) return 1;
+    return 0;
+}
+
+static int dgfemi_surface_allocate(dgfemi_surface_build *build, dgfemi_arena *arena) {
+    const dgfem_mesh *mesh = build->mesh;
+    size_t sides = 0, items = 0;
+    for (int f = 0; f < mesh->face_count; f++) {
+        const dgfem_face *face = &mesh->faces[f];
+        size_t copies = face->element[1] == DGFEM_NONE ? 1 : 2;
+        if (!dgfemi_face_is_open(face)) continue;
+        sides += copies, items += copies * (size_t)dgfemi_mesh_face_corners(mesh, f);
+        if (face->loop_count > build->loop_count) build->loop_count = face->loop_count;
+    }
+    build->sides = (dgfemi_surface_side *)dgfemi_arena_allocate(arena, sides, sizeof *build->sides);
+    build->items = (dgfemi_surface_corner *)dgfemi_arena_allocate(arena, items, sizeof *build->items);
+    build->chain = (int *)dgfemi_arena_allocate(arena, items, sizeof(int));
+    build->head = (int *)dgfemi_arena_allocate(arena, (size_t)build->corners->count, sizeof(int));
+    build->corner_of_vertex = (int *)dgfemi_arena_allocate(arena, (size_t)mesh->vertex_count, sizeof(int));
+    build->out_of_vertex = (int *)dgfemi_arena_allocate(arena, (size_t)mesh->vertex_count, sizeof(int));
+    return build->sides && build->items && build->chain && build->head && build->corner_of_vertex &&
+           build->out_of_vertex;
+}
+
+/* Lists a side's loops as its element sees them: those of side 1 run backwards. */
+static void dgfemi_surface_add_side(dgfemi_surface_build *build, int face, int side, int wall) {
+    const dgfem_mesh *mesh = build->mesh;
+    const dgfem_face *f = &mesh->faces[face];
+    dgfemi_surface_side *s = &build->sides[build->side_count];
+    s->face = face, s->side = side, s->element = f->element[side], s->wall = wall, s->first = build->item_count;
+    for (int l = f->loop_start; l < f->loop_start + f->loop_count; l++) {
+        const int *loop = mesh->loop_vertices + mesh->loops[l].start;
+        int count = mesh->loops[l].count;
+        for (int i = 0; i < count; i++) {
+            dgfemi_surface_corner *item = &build->items[build->item_count++];
+            int after = build->corner_of_vertex[loop[(i + 1) % count]];
+            int before = build->corner_of_vertex[loop[(i + count - 1) % count]];
+            item->owner = build->side_count, item->vertex = loop[i];
+            item->corner = build->corner_of_vertex[loop[i]];
+            item->next = side ? before : after, item->previous = side ? after : before;
+            item->root = build->item_count - 1, item->out = DGFEM_NONE;
+        }
+    }
+    s->count = build->item_count - s->first;
+    build->side_count++;
+}
+
+/* All open sides, element by element. */
+static void dgfemi_surface_add_sides(dgfemi_surface_build *build) {
+    const dgfem_mesh *mesh = build->mesh;
+    const dgfem_corners *corners = build->corners;
+    int tagged = dgfemi_surface_has_tags(mesh);
+    for (int e = 0; e < mesh->element_count; e++) {
+        const dgfem_element *element = &mesh->elements[e];
+        for (int i = corners->corner_start[e]; i < corners->corner_start[e + 1]; i++)
+            build->corner_of_vertex[corners->vertex[corners->corners[i]]] = corners->corners[i];
+        for (int k = element->face_start; k < element->face_start + element->face_count; k++) {
+            int f = mesh->element_faces[k];
+            const dgfem_face *face = &mesh->faces[f];
+            if (!dgfemi_face_is_open(face)) continue;
+            dgfemi_surface_add_side(build, f, face->element[0] != e,
+                                    face->element[1] != DGFEM_NONE || (tagged && face->tag == DGFEM_NONE));
+        }
+    }
+    for (int c = 0; c < corners->count; c++) build->head[c] = DGFEM_NONE;
+    for (int i = build->item_count - 1; i >= 0; i--) {
+        build->chain[i] = build->head[build->items[i].corner];
+        build->head[build->items[i].corner] = i;
+    }
+}
+
+/* ---- smooth parts ---- */
+
+static int dgfemi_surface_root(dgfemi_surface_build *build, int item) {
+    while (build->items[item].root != item) item = build->items[item].root;
+    return item;
+}
+
+static dgfem_vec3 dgfemi_surface_side_normal(const dgfemi_surface_build *build, const dgfemi_surface_side *side) {
+    return dgfemi_scale(side->side ? -1 : 1, build->mesh->faces[side->face].normal);
+}
+
+/* Whether two side corners of one corner belong to one side, or to two that meet smoothly in an edge there. */
+static int dgfemi_surface_is_smooth(const dgfemi_surface_build *build, int a, int b) {
+    const dgfemi_surface_corner *p = &build->items[a], *q = &build->items[b];
+    const dgfemi_surface_side *s = &build->sides[p->owner], *t = &build->sides[q->owner];
+    if (p->owner == q->owner) return 1;
+    if (s->wall != t->wall || (p->next != q->previous && p->previous != q->next)) return 0;
+    return dgfemi_dot(dgfemi_surface_side_normal(build, s), dgfemi_surface_side_normal(build, t)) >= DGFEM_CREASE;
+}
+
+/* Joins the side corners of each corner to smooth parts and numbers these: vertices of the surface. Returns how many. */
+static int dgfemi_surface_number(dgfemi_surface_build *build) {
+    int count = 0;
+    for (int c = 0; c < build->corners->count; c++) {
+        for (int a = build->head[c]; a != DGFEM_NONE; a = build->chain[a])
+            for (int b = build->chain[a]; b != DGFEM_NONE; b = build->chain[b]) {
+                int p = dgfemi_surface_root(build, a), q = dgfemi_surface_root(build, b);
+                if (p == q || !dgfemi_surface_is_smooth(build, a, b)) continue;
+                build->items[p > q ? p : q].root = p > q ? q : p;
+            }
+        for (int a = build->head[c]; a != DGFEM_NONE; a = build->chain[a]) {
+            int root = dgfemi_surface_root(build, a);
+            if (root == a) build->items[a].out = count++;
+            else build->items[a].out = build->items[root].out;
+        }
+    }
+    return count;
+}
+
+/* ---- triangles ---- */
+
+/* Triangles of one side, as surface vertices. With triangles NULL they are only counted. DGFEM_NONE: out of memory. */
+static int dgfemi_surface_triangulate(dgfemi_surface_build *build, dgfemi_arena *arena, int s, int *loop_vertices,
+                                      int *loop_start, int *triangles, int capacity) {
+    const dgfem_mesh *mesh = build->mesh;
+    const dgfemi_surface_side *side = &build->sides[s];
+    const dgfem_face *face = &mesh->faces[side->face];
+    dgfemi_planar planar;
+    dgfemi_triangles list;
+    int count = 0;
+    for (int l = 0; l < face->loop_count; l++) {
+        const dgfem_loop *loop = &mesh->loops[face->loop_start + l];
+        loop_start[l] = count;
+        memcpy(loop_vertices + count, mesh->loop_vertices + loop->start, (size_t)loop->count * sizeof(int));
+        count += loop->count;
+    }
+    loop_start[face->loop_count] = count;
+    if (!dgfemi_planar_make(&planar, arena, mesh->vertices, loop_vertices, loop_start, face->loop_count, face->normal))
+        return DGFEM_NONE;
+    if (!triangles) return dgfemi_planar_triangle_count(&planar);
+    for (int i = side->first; i < side->first + side->count; i++)
+        build->out_of_vertex[build->items[i].vertex] = build->items[i].out;
+    list.data = triangles, list.capacity = capacity, list.count = 0;
+    dgfemi_planar_triangulate(&planar, loop_vertices, &list); /* consumed by now: room for its groups */
+    for (int i = 0; i < 3 * list.count; i++) triangles[i] = build->out_of_vertex[triangles[i]];
+    for (int i = 0; side->side && i < list.count; i++) {
+        int swap = triangles[3 * i + 1];
+        triangles[3 * i + 1] = triangles[3 * i + 2], triangles[3 * i + 2] = swap;
+    }
+    return list.count;
+}
+
+/* Counts the triangles (pass 0), then fills them in (pass 1). 1 on success. */
+static int dgfemi_surface_add_triangles(dgfemi_surface_build *build, const dgfem_hooks *hooks, dgfem_surface *surface) {
+    dgfemi_arena arena = dgfemi_arena_make(hooks);
+    int most = 0, total = 0, ok = 1;
+    int *vertices, *start;
+    for (int s = 0; s < build->side_count; s++)
+        if (build->sides[s].count > most) most = build->sides[s].count;
+    vertices = (int *)dgfemi_allocate(hooks, (size_t)most + (size_t)build->loop_count + 1, sizeof(int));
+    ok = vertices != NULL;
+    start = ok ? vertices + most : NULL;
+    for (int pass = 0; ok && pass < 2; pass++) {
+        int room = total;
+        total = 0;
+        for (int s = 0; ok && s < build->side_count; s++) {
+            const dgfemi_surface_side *side = &build->sides[s];
+            int count = dgfemi_surface_triangulate(build, &arena, s, vertices, start,
+                                                   pass ? surface->triangles + 3 * total : NULL, room - total);
+            dgfemi_arena_free(&arena);
+            ok = count != DGFEM_NONE && count <= INT_MAX / 3 - total;
+            for (int i = total; ok && pass && i < total + count; i++) {
+                surface->element[i] = side->element, surface->face[i] = side->face, surface->wall[i] = side->wall;
+                surface->source[i] = build->mesh->faces[side->face].tag;
+            }
+            if (ok) total += count;
+        }
+        if (!ok || pass) break;
+        surface->triangle_count = total;
+        surface->triangles = (int *)dgfemi_allocate(hooks, 3 * (size_t)total, sizeof(int));
+        surface->element = (int *)dgfemi_allocate(hooks, (size_t)total, sizeof(int));
+        surface->face = (int *)dgfemi_allocate(hooks, (size_t)total, sizeof(int));
+        surface->source = (int *)dgfemi_allocate(hooks, (size_t)total, sizeof(int));
+        surface->wall = (int *)dgfemi_allocate(hooks, (size_t)total, sizeof(int));
+        ok = surface->triangles && surface->element && surface->face && surface->source && surface->wall;
+    }
+    dgfemi_free(hooks, vertices);
+    return ok;
+}
+
+/* ---- positions ---- */
+
+/* The corners in use, as samples, and the sample of each vertex. 1 on success. */
+static int dgfemi_surface_sample(dgfemi_surface_build *build, dgfemi_arena *arena, const dgfem_body *body,
+                                 dgfem_surface *surface) {
+    const dgfem_corners *corners = build->corners;
+    size_t count = (size_t)corners->count;
+    dgfem_vec3 *positions = (dgfem_vec3 *)dgfemi_arena_allocate(arena, count, sizeof(dgfem_vec3));
+    int *start = (int *)dgfemi_arena_allocate(arena, count + 1, sizeof(int));
+    int *elements = (int *)dgfemi_arena_allocate(arena, (size_t)corners->element_start[corners->count], sizeof(int));
+    int samples = 0, terms = 0;
+    surface->sample = (int *)dgfemi_allocate(&surface->hooks, (size_t)surface->vertex_count, sizeof(int));
+    if (!positions || !start || !elements || !surface->sample) return 0;
+    for (int c = 0; c < corners->count; c++) {
+        if (build->head[c] == DGFEM_NONE) continue;
+        for (int i = build->head[c]; i != DGFEM_NONE; i = build->chain[i]) surface->sample[build->items[i].out] = samples;
+        positions[samples] = build->mesh->vertices[corners->vertex[c]];
+        start[samples++] = terms;
+        for (int i = corners->element_start[c]; i < corners->element_start[c + 1]; i++)
+            elements[terms++] = corners->elements[i];
+    }
+    start[samples] = terms;
+    if (!dgfemi_embedding_set_samples(surface->embedding, body, positions, start, elements, samples)) return 0;
+    surface->sample_displacement = (dgfem_vec3 *)dgfemi_allocate(&surface->hooks, (size_t)samples, sizeof(dgfem_vec3));
+    return surface->sample_displacement != NULL;
+}
+
+static void dgfemi_surface_positions_range(void *context, int first, int last) {
+    dgfem_surface *surface = (dgfem_surface *)context;
+    for (int v = first; v < last; v++)
+        surface->positions[v] = dgfemi_add(surface->embedding->samples[surface->sample[v]],
+                                           surface->sample_displacement[surface->sample[v]]);
+}
+
+static void dgfemi_surface_update(dgfem_surface *surface, const dgfem_body *body) {
+    dgfemi_shell shell;
+    dgfemi_embedding_samples(surface->embedding, body, body->displacement, surface->sample_displacement);
+    dgfemi_parallel_for(&surface->hooks, surface->vertex_count, DGFEM_SKIN_GRAIN, dgfemi_surface_positions_range,
+                        surface);
+    shell.positions = surface->positions, shell.triangles = surface->triangles, shell.normals = surface->normals;
+    shell.corner_start = surface->corner_start, shell.corners = surface->corners;
+    dgfemi_parallel_for(&surface->hooks, surface->vertex_count, DGFEM_SKIN_GRAIN, dgfemi_shell_normals_range, &shell);
+}
+
+DGFEM_API dgfem_status dgfem_surface_update(dgfem_surface *surface, const dgfem_body *body) {
+    if (!surface) return DGFEM_ERROR_ARGUMENT;
+    if (!body) return dgfemi_fail(&surface->hooks, DGFEM_ERROR_ARGUMENT, "surface: no body");
+    if (surface->embedding->revision != body->revision)
+        return dgfemi_fail(&surface->hooks, DGFEM_ERROR_REVISION,
+                           "surface: made for revision %d of the body, which is at %d", surface->embedding->revision,
+                           body->revision);
+    dgfemi_surface_update(surface, body);
+    return DGFEM_OK;
+}
+
+/* ---- creation ---- */
+
+DGFEM_API void dgfem_surface_destroy(dgfem_surface *surface) {
+    dgfem_hooks hooks;
+    if (!surface) return;
+    hooks = surface->hooks;
+    dgfem_embedding_destroy(surface->embedding);
+    dgfemi_free(&hooks, surface->positions);
+    dgfemi_free(&hooks, surface->normals);
+    dgfemi_free(&hooks, surface->triangles);
+    dgfemi_free(&hooks, surface->element);
+    dgfemi_free(&hooks, surface->face);
+    dgfemi_free(&hooks, surface->source);
+    dgfemi_free(&hooks, surface->wall);
+    dgfemi_free(&hooks, surface->corner_start);
+    dgfemi_free(&hooks, surface->corners);
+    dgfemi_free(&hooks, surface->sample);
+    dgfemi_free(&hooks, surface->sample_displacement);
+    dgfemi_free(&hooks, surface);
+}
+
+/* 1 on success, 0 when out of memory. */
+static int dgfemi_surface_fill(dgfemi_arena *arena, const dgfem_body *body, const dgfem_corners *corners,
+                               dgfem_surface *surface) {
+    const dgfem_hooks *hooks = &surface->hooks;
+    dgfemi_surface_build build;
+    size_t vertices;
+    memset(&build, 0, sizeof build);
+    build.mesh = body->mesh, build.corners = corners;
+    if (!dgfemi_surface_allocate(&build, arena)) return 0;
+    dgfemi_surface_add_sides(&build);
+    surface->vertex_count = dgfemi_surface_number(&build);
+    vertices = (size_t)surface->vertex_count;
+    surface->positions = (dgfem_vec3 *)dgfemi_allocate(hooks, vertices, sizeof(dgfem_vec3));
+    surface->normals = (dgfem_vec3 *)dgfemi_allocate(hooks, vertices, sizeof(dgfem_vec3));
+    surface->embedding = dgfemi_embedding_new(body, hooks);
+    if (!surface->positions || !surface->normals || !surface->embedding) return 0;
+    return dgfemi_surface_sample(&build, arena, body, surface) && dgfemi_surface_add_triangles(&build, hooks, surface) &&
+           dgfemi_list_corners(hooks, surface->triangles, surface->triangle_count, surface->vertex_count,
+                               &surface->corner_start, &surface->corners);
+}
+
+static dgfem_status dgfemi_surface_create(const dgfem_body *body, dgfem_surface **out) {
+    const dgfem_hooks *hooks = &body->hooks;
+    dgfemi_arena arena = dgfemi_arena_make(hooks);
+    dgfem_corners *corners = NULL;
+    dgfem_surface *surface;
+    dgfem_status status = dgfem_mesh_corners(body->mesh, &corners);
+    if (status != DGFEM_OK) return status;
+    surface = (dgfem_surface *)dgfemi_allocate_zero(hooks, 1, sizeof *surface);
+    if (surface) surface->hooks = *hooks;
+    if (!surface || !dgfemi_surface_fill(&arena, body, corners, surface)) status = dgfemi_fail_memory(hooks);
+    dgfemi_arena_free(&arena);
+    dgfem_corners_destroy(corners);
+    if (status != DGFEM_OK) {
+        dgfem_surface_destroy(surface);
+        return status;
+    }
+    dgfemi_surface_update(surface, body);
+    *out = surface;
+    return DGFEM_OK;
+}
+
+DGFEM_API dgfem_status dgfem_surface_create(const dgfem_body *body, dgfem_surface **out) {
+    if (out) *out = NULL;
+    if (!body) return DGFEM_ERROR_ARGUMENT;
+    if (!out) return dgfemi_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "surface: no place for the result");
+    return dgfemi_surface_create(body, out);
+}
+
+/* ---- results ---- */
+
+DGFEM_API dgfem_status dgfem_surface_positions(const dgfem_surface *surface, dgfem_points_out out) {
+    if (!surface) return DGFEM_ERROR_ARGUMENT;
+    return dgfemi_write_points(&surface->hooks, surface->positions, surface->vertex_count, &out, "surface positions");
+}
+
+DGFEM_API dgfem_status dgfem_surface_normals(const dgfem_surface *surface, dgfem_points_out out) {
+    if (!surface) return DGFEM_ERROR_ARGUMENT;
+    return dgfemi_write_points(&surface->hooks, surface->normals, surface->vertex_count, &out, "surface normals");
+}
+
+/* ==== cut.c ======================================================================================================= */
+
+/* Cutting a body along a blade in world space.
+
+   Each element carries the blade back to the material by its own map X(x) = x + u(x). Where the gradient F is constant
+   the world's plane n.X = o is a plane of the material, with the normal m = F^T n; in elements of higher degree it is
+   taken where the blade passes the element. Neighbours need not agree: their polynomials jump a little. So
+
+     1. every element gets a side: below, above, or, where it straddles the blade, one for each of the parts that it is
+        split into by its own plane;
+     2. every glued face between a part below and one above is a wall. Besides the new faces these are the thin strips
+        where two planes miss each other, and the faces of elements that are not worth splitting;
+     3. walls are cut: all of them, or those that a polygon covers, which are divided along its edges first.
+
+                  |  A  :  B  |        A is split along a, B along b; the strip between a and b, a part of their
+                  |     :     |        common face, is between A's part above and B's part below: it is a wall
+                  |-a---:     |
+                  |     :---b-|
+                  |     :     |                                                                                  */
+
+/* Planes of two elements that differ by less than this times their radius are taken for one. */
+#define DGFEM_SAME_PLANE (DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-6))
+
+typedef struct dgfemi_straddler {
+    int element;
+    int done;
+    dgfem_plane plane; /* unit normal */
+} dgfemi_straddler;
+
+typedef struct dgfemi_cutter {
+    dgfemi_edit *edit;
+    const dgfemi_blade *blade;
+    dgfem_real snap, smallest; /* as in dgfem_cut_desc */
+    dgfemi_splitter splitter;
+    signed char *side; /* [elements] -1, 0 not concerned, 1 */
+    int side_capacity, side_count;
+    dgfemi_straddler *straddlers;
+    int straddler_count, straddler_capacity;
+    dgfemi_ints walls, group;
+    dgfemi_vectors points; /* of an element's cross-section: the ends of its segments, in pairs */
+    dgfemi_vectors places; /* of one face, as found */
+    int elements_split, faces_cut;
+} dgfemi_cutter;
+
+static void dgfemi_cutter_make(dgfemi_cutter *cutter, dgfemi_edit *edit) {
+    memset(cutter, 0, sizeof *cutter);
+    cutter->edit = edit;
+    cutter->splitter = dgfemi_splitter_make(edit->mesh);
+    cutter->splitter.components = cutter->splitter.measure = cutter->splitter.local = 1;
+}
+
+static void dgfemi_cutter_free(dgfemi_cutter *cutter) {
+    const dgfem_hooks *hooks = &cutter->edit->body->hooks;
+    dgfemi_splitter_free(&cutter->splitter);
+    dgfemi_free(hooks, cutter->side);
+    dgfemi_free(hooks, cutter->straddlers);
+    dgfemi_free(hooks, cutter->walls.data);
+    dgfemi_free(hooks, cutter->group.data);
+    dgfemi_free(hooks, cutter->points.data);
+    dgfemi_free(hooks, cutter->places.data);
+}
+
+/* ---- the blade in the material ---- */
+
+/* The plane n.X = o, carried back by the field, near the rest position x. A normal of zero: there is none. */
+static dgfem_plane dgfemi_field_plane(const dgfemi_edit *edit, const dgfemi_field *field, dgfem_vec3 normal,
+                                      dgfem_real offset, dgfem_vec3 x, dgfem_real reach) {
+    dgfem_plane plane;
+    int steps = field->degree == 1 ? 0 : 4; /* Newton, towards the blade */
+    memset(&plane, 0, sizeof plane);
+    for (;; steps--) {
+        dgfem_mat3 f, ft;
+        dgfem_real distance = dgfemi_dot(normal, dgfemi_field_map(edit, field, x, &f)) - offset, length;
+        ft = dgfemi_transposed(&f);
+        dgfem_vec3 m = dgfemi_multiply(&ft, normal);
+        length = dgfemi_norm(m);
+        if (!(length > DGFEM_EPSILON)) return plane;
+        if (steps == 0) {
+            plane.normal = dgfemi_abs(length - 1) <= 4 * DGFEM_EPSILON ? m : dgfemi_scale(1 / length, m);
+            plane.offset = dgfemi_dot(plane.normal, x) - distance / length;
+            return plane;
+        }
+        dgfem_real step = dgfemi_max(-reach, dgfemi_min(distance / length, reach));
+        x = dgfemi_add_scaled(x, -step / length, m);
+    }
+}
+
+/* How far from its centre's place the element may reach in the world. */
+static dgfem_real dgfemi_field_reach(const dgfemi_edit *edit, const dgfemi_field *field, const dgfem_element *element) {
+    const dgfem_vec3 *u = dgfemi_field_displacement(edit, field);
+    dgfem_vec3 moved[DGFEM_MAX_BASIS];
+    dgfem_real reach = 0;
+    dgfemi_move_polynomial(field->degree, field->origin, field->scale, u, element->centre, element->radius, moved);
+    moved[1].x += element->radius, moved[2].y += element->radius, moved[3].z += element->radius;
+    for (int i = 1; i < dgfem_monomial_count(field->degree); i++) reach += dgfemi_norm(moved[i]);
+    return reach;
+}
+
+/* Lowest and highest distance of the element's vertices from a plane with unit normal. */
+static void dgfemi_element_extent(const dgfem_mesh *mesh, int element, dgfem_plane plane, dgfem_real *low,
+                                  dgfem_real *high) {
+    const dgfem_element *e = &mesh->elements[element];
+    *low = *high = dgfemi_dot(plane.normal, dgfemi_mesh_first_vertex(mesh, mesh->element_faces[e->face_start])) -
+                   plane.offset;
+    for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++)
+            for (int i = 0; i < mesh->loops[l].count; i++) {
+                dgfem_vec3 p = mesh->vertices[mesh->loop_vertices[mesh->loops[l].start + i]];
+                dgfem_real d = dgfemi_dot(plane.normal, p) - plane.offset;
+                *low = dgfemi_min(*low, d);
+                *high = dgfemi_max(*high, d);
+            }
+    }
+}
+
+/* ---- what a polygon covers ---- */
+
+/* Appends to cutter->points, in pairs, the segments in which a plane meets one face of an element, in the world. */
+static int dgfemi_cutter_face_section(dgfemi_cutter *cutter, const dgfemi_field *field, const dgfem_face *face,
+                                      dgfem_plane plane) {
+    const dgfem_hooks *hooks = &cutter->edit->body->hooks;
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    dgfemi_crossings *crossings = &cutter->splitter.ups; /* free between splits */
+    dgfem_vec3 along = dgfemi_cross(face->normal, plane.normal);
+    crossings->count = cutter->places.count = 0;
+    for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++) {
+        const int *loop = mesh->loop_vertices + mesh->loops[l].start;
+        dgfem_vec3 a, b = mesh->vertices[loop[mesh->loops[l].count - 1]];
+        dgfem_real da, db = dgfemi_dot(plane.normal, b) - plane.offset;
+        for (int i = 0; i < mesh->loops[l].count; i++) {
+            a = b, da = db;
+            b = mesh->vertices[loop[i]], db = dgfemi_dot(plane.normal, b) - plane.offset;
+            if ((da >= 0) == (db >= 0)) continue;
+            dgfem_vec3 x = dgfemi_add_scaled(a, da / (da - db), dgfemi_sub(b, a));
+            dgfem_vec3 place = dgfemi_field_map(cutter->edit, field, x, NULL);
+            if (!dgfemi_crossing_push(hooks, crossings, dgfemi_dot(along, x), cutter->places.count) ||
+                !dgfemi_vectors_push(hooks, &cutter->places, &place, 1))
+                return 0;
+        }
+    }
+    dgfemi_crossings_sort(crossings);
+    for (int i = 0; i < crossings->count; i++)
+        if (!dgfemi_vectors_push(hooks, &cutter->points, &cutter->places.data[crossings->data[i].vertex], 1)) return 0;
+    return 1;
+}
+
+static int dgfemi_cutter_section(dgfemi_cutter *cutter, int element, dgfem_plane plane) {
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    const dgfem_element *e = &mesh->elements[element];
+    const dgfemi_field *field = dgfemi_field_of(cutter->edit, element);
+    cutter->points.count = 0;
+    for (int k = e->face_start; k < e->face_start + e->face_count; k++)
+        if (!dgfemi_cutter_face_section(cutter, field, &mesh->faces[mesh->element_faces[k]], plane)) return 0;
+    return 1;
+}
+
+/* Twice the signed area of a triangle in the blade's projection. */
+static double dgfemi_turn(const double *a, const double *b, const double *c) {
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+}
+
+static int dgfemi_segments_meet(const double *a, const double *b, const double *c, const double *d) {
+    double abc = dgfemi_turn(a, b, c), abd = dgfemi_turn(a, b, d), cda = dgfemi_turn(c, d, a),
+           cdb = dgfemi_turn(c, d, b);
+    return (abc >= 0) != (abd >= 0) && (cda >= 0) != (cdb >= 0);
+}
+
+/* Whether point q lies within the segments (pairs), by parity. */
+static int dgfemi_section_covers(const dgfemi_blade *blade, const dgfem_vec3 *points, int count, const double *q) {
+    double a[2], b[2];
+    int inside = 0;
+    for (int i = 0; i + 1 < count; i += 2) {
+        dgfemi_blade_project(blade, points[i], a);
+        dgfemi_blade_project(blade, points[i + 1], b);
+        inside ^= dgfemi_edge_winding(a, b, q) != 0;
+    }
+    return inside;
+}
+
+/* Whether the polygon of the blade and the figure with these boundary segments have points in common. */
+static int dgfemi_section_meets(const dgfemi_blade *blade, const dgfem_vec3 *points, int count) {
+    double a[2], b[2], c[2], d[2];
+    for (int i = 0; i < count; i++)
+        if (dgfemi_blade_covers(blade, points[i])) return 1;
+    dgfemi_blade_project(blade, blade->polygon[0], a);
+    if (dgfemi_section_covers(blade, points, count, a)) return 1;
+    for (int k = 0; k < blade->polygon_count; k++) {
+        dgfemi_blade_project(blade, blade->polygon[k], a);
+        dgfemi_blade_project(blade, blade->polygon[k + 1 < blade->polygon_count ? k + 1 : 0], b);
+        for (int i = 0; i + 1 < count; i += 2) {
+            dgfemi_blade_project(blade, points[i], c);
+            dgfemi_blade_project(blade, points[i + 1], d);
+            if (dgfemi_segments_meet(a, b, c, d)) return 1;
+        }
+    }
+    return 0;
+}
+
+/* ---- 1. sides ---- */
+
+static int dgfemi_cutter_fit_sides(dgfemi_cutter *cutter) {
+    void *side = cutter->side;
+    int n = cutter->edit->mesh->element_count;
+    int ok = dgfemi_mesh_room(&cutter->edit->body->hooks, &side, 0, &cutter->side_capacity, n, 1);
+    cutter->side = (signed char *)side;
+    for (; ok && cutter->side_count < n; cutter->side_count++) cutter->side[cutter->side_count] = 0;
+    return ok;
+}
+
+/* Whether a sphere in the world is beside the box of the blade's polygon. */
+static int dgfemi_blade_misses(const dgfemi_blade *blade, dgfem_vec3 centre, dgfem_real radius) {
+    dgfem_vec3 lower, upper, nearest;
+    if (!blade->polygon) return 0;
+    dgfemi_blade_box(blade, &lower, &upper);
+    nearest = dgfemi_min3(dgfemi_max3(centre, lower), upper);
+    return dgfemi_distance(nearest, centre) > radius;
+}
+
+static int dgfemi_cutter_add_straddler(dgfemi_cutter *cutter, int element, dgfem_plane plane) {
+    if (cutter->straddler_count == cutter->straddler_capacity) {
+        void *grown = dgfemi_grow(&cutter->edit->body->hooks, cutter->straddlers, &cutter->straddler_capacity,
+                                  cutter->straddler_count + 1, sizeof *cutter->straddlers);
+        if (!grown) return 0;
+        cutter->straddlers = (dgfemi_straddler *)grown;
+    }
+    dgfemi_straddler *s = &cutter->straddlers[cutter->straddler_count++];
+    s->element = element, s->done = 0, s->plane = plane;
+    return 1;
+}
+
+/* Gives an element its side, or lists it for the split. 0 when out of memory. */
+static int dgfemi_cutter_take_side(dgfemi_cutter *cutter, int element) {
+    const dgfemi_blade *blade = cutter->blade;
+    const dgfem_element *e = &cutter->edit->mesh->elements[element];
+    const dgfemi_field *field = dgfemi_field_of(cutter->edit, element);
+    dgfem_vec3 place = dgfemi_field_map(cutter->edit, field, e->centre, NULL);
+    dgfem_real distance = dgfemi_blade_distance(blade, place), reach = dgfemi_field_reach(cutter->edit, field, e);
+    dgfem_real low, high, thin = dgfemi_max(cutter->snap * e->radius, cutter->smallest);
+    cutter->side[element] = 0;
+    if (dgfemi_blade_misses(blade, place, DGFEM_R(1.001) * reach)) return 1;
+    cutter->side[element] = distance >= 0 ? 1 : -1;
+    if (dgfemi_abs(distance) > reach) return 1;
+    dgfem_plane plane = dgfemi_field_plane(cutter->edit, field, blade->normal, blade->offset, e->centre, 2 * e->radius);
+    if (!(dgfemi_norm(plane.normal) > 0)) return 1;
+    dgfemi_element_extent(cutter->edit->mesh, element, plane, &low, &high);
+    if (high < thin || -low < thin) {
+        if (-low >= thin || high >= thin) cutter->side[element] = high < thin ? -1 : 1;
+        return 1;
+    }
+    cutter->side[element] = 0;
+    if (blade->polygon) {
+        if (!dgfemi_cutter_section(cutter, element, plane)) return 0;
+        if (!dgfemi_section_meets(blade, cutter->points.data, cutter->points.count)) return 1;
+    }
+    return dgfemi_cutter_add_straddler(cutter, element, plane);
+}
+
+static int dgfemi_cutter_take_sides(dgfemi_cutter *cutter) {
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    cutter->straddler_count = 0;
+    if (!dgfemi_cutter_fit_sides(cutter)) return 0;
+    for (int e = 0; e < mesh->element_count; e++)
+        if (mesh->elements[e].face_count > 0 && !dgfemi_cutter_take_side(cutter, e)) return 0;
+    return 1;
+}
+
+/* ---- splitting ---- */
+
+/* Splits the elements of cutter->group by one plane; silently, because a failure here has a way out. */
+static dgfem_status dgfemi_cutter_split_by(dgfemi_cutter *cutter, dgfem_plane plane) {
+    dgfem_mesh *mesh = cutter->edit->mesh;
+    dgfem_hooks hooks = mesh->hooks;
+    mesh->hooks.log = NULL;
+    dgfem_status status = dgfemi_split_elements(&cutter->splitter, plane, cutter->group.data, cutter->group.count);
+    mesh->hooks.log = hooks.log;
+    if (status == DGFEM_ERROR_MEMORY || (!status && !dgfemi_cutter_fit_sides(cutter)))
+        return dgfemi_fail_memory(&hooks);
+    if (status) return status;
+    for (int c = 0; c < cutter->splitter.child_count; c++) {
+        const dgfemi_split_child *child = &cutter->splitter.children[c];
+        if (child->side != 0) cutter->side[child->element] = (signed char)child->side;
+    }
+    cutter->elements_split += cutter->splitter.selected.count;
+    return DGFEM_OK;
+}
+
+/* One element on its own. Where round-off lets it not be split the plane gives way a little, and at last the element
+   stays whole, on the side of its centre. */
+static dgfem_status dgfemi_cutter_split_alone(dgfemi_cutter *cutter, const dgfemi_straddler *s) {
+    static const double shifts[] = {0, 1e-6, -1e-6, 1e-4, -1e-4, 1e-2, -1e-2};
+    const dgfem_element *e = &cutter->edit->mesh->elements[s->element];
+    dgfem_real radius = e->radius, height = dgfemi_dot(s->plane.normal, e->centre) - s->plane.offset;
+    cutter->group.count = 0;
+    if (!dgfemi_push(&cutter->edit->body->hooks, &cutter->group, s->element))
+        return dgfemi_fail_memory(&cutter->edit->body->hooks);
+    for (size_t i = 0; i < sizeof shifts / sizeof *shifts; i++) {
+        dgfem_plane plane = s->plane;
+        plane.offset += (dgfem_real)shifts[i] * radius;
+        dgfem_status status = dgfemi_cutter_split_by(cutter, plane);
+        if ((!status && cutter->splitter.selected.count > 0) || status == DGFEM_ERROR_MEMORY) return status;
+    }
+    cutter->side[s->element] = height >= 0 ? 1 : -1;
+    return DGFEM_OK;
+}
+
+/* Splits the first straddler that is left, and with it all that have its plane. */
+static dgfem_status dgfemi_cutter_split_group(dgfemi_cutter *cutter, int first) {
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    dgfem_plane plane = cutter->straddlers[first].plane;
+    cutter->group.count = 0;
+    for (int i = first; i < cutter->straddler_count; i++) {
+        dgfemi_straddler *s = &cutter->straddlers[i];
+        const dgfem_element *e = &mesh->elements[s->element];
+        dgfem_real tolerance = DGFEM_SAME_PLANE * e->radius;
+        dgfem_real here = dgfemi_dot(plane.normal, e->centre) - plane.offset;
+        dgfem_real there = dgfemi_dot(s->plane.normal, e->centre) - s->plane.offset;
+        if (s->done || !(dgfemi_abs(here - there) <= tolerance) ||
+            !(dgfemi_distance(plane.normal, s->plane.normal) <= DGFEM_SAME_PLANE))
+            continue;
+        s->done = 1;
+        if (!dgfemi_push(&cutter->edit->body->hooks, &cutter->group, s->element))
+            return dgfemi_fail_memory(&cutter->edit->body->hooks);
+    }
+    int count = cutter->group.count;
+    dgfem_status status = dgfemi_cutter_split_by(cutter, plane);
+    if (status == DGFEM_ERROR_MEMORY || (!status && cutter->splitter.selected.count == count)) return status;
+    for (int i = first; i < cutter->straddler_count; i++) { /* what was not split, one by one */
+        const dgfemi_straddler *s = &cutter->straddlers[i];
+        if (!s->done || cutter->side[s->element] != 0) continue;
+        status = dgfemi_cutter_split_alone(cutter, s);
+        if (status) return status;
+    }
+    return DGFEM_OK;
+}
+
+/* ---- 2. and 3. walls ---- */
+
+static int dgfemi_cutter_list_walls(dgfemi_cutter *cutter) {
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    cutter->walls.count = 0;
+    for (int f = 0; f < mesh->face_count; f++) {
+        const dgfem_face *face = &mesh->faces[f];
+        if (face->element[0] == DGFEM_NONE || face->element[1] == DGFEM_NONE || face->cut) continue;
+        if (cutter->side[face->element[0]] * cutter->side[face->element[1]] >= 0) continue;
+        if (!dgfemi_push(&cutter->edit->body->hooks, &cutter->walls, f)) return 0;
+    }
+    return 1;
+}
+
+static dgfem_vec3 dgfemi_cutter_place(const dgfemi_cutter *cutter, int element, dgfem_vec3 x) {
+    return dgfemi_field_map(cutter->edit, dgfemi_field_of(cutter->edit, element), x, NULL);
+}
+
+/* Whether an edge of the polygon passes through the inside of a face; its places in the world come from one side. */
+static int dgfemi_cutter_edge_meets(dgfemi_cutter *cutter, int f, dgfem_vec3 from, dgfem_vec3 to) {
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    const dgfem_face *face = &mesh->faces[f];
+    double a[2], b[2], c[2], d[2];
+    int inside = 0;
+    dgfemi_blade_project(cutter->blade, from, a);
+    dgfemi_blade_project(cutter->blade, to, b);
+    for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++) {
+        const int *loop = mesh->loop_vertices + mesh->loops[l].start;
+        int count = mesh->loops[l].count;
+        dgfemi_blade_project(cutter->blade,
+                             dgfemi_cutter_place(cutter, face->element[0], mesh->vertices[loop[count - 1]]), d);
+        for (int i = 0; i < count; i++) {
+            memcpy(c, d, sizeof c);
+            dgfemi_blade_project(cutter->blade, dgfemi_cutter_place(cutter, face->element[0], mesh->vertices[loop[i]]),
+                                 d);
+            if (dgfemi_segments_meet(a, b, c, d)) return 1;
+            inside ^= dgfemi_edge_winding(c, d, a) != 0;
+        }
+    }
+    return inside;
+}
+
+/* Divides a wall along the edge of the polygon, unless the edge runs along the wall's own. The parts are listed. */
+static dgfem_status dgfemi_cutter_divide(dgfemi_cutter *cutter, int wall, dgfem_vec3 from, dgfem_vec3 to) {
+    dgfemi_splitter *s = &cutter->splitter;
+    dgfem_mesh *mesh = cutter->edit->mesh;
+    dgfem_hooks hooks = mesh->hooks;
+    int f = cutter->walls.data[wall], element = mesh->faces[f].element[0];
+    const dgfem_face *face = &mesh->faces[f];
+    dgfem_vec3 across = dgfemi_normalized(dgfemi_cross(dgfemi_sub(to, from), cutter->blade->normal));
+    dgfem_real radius = dgfemi_face_radius(mesh, face), low = 0, high = 0;
+    dgfem_plane plane = dgfemi_field_plane(cutter->edit, dgfemi_field_of(cutter->edit, element), across,
+                                           dgfemi_dot(across, from), face->centre, 2 * radius);
+    if (!(dgfemi_norm(plane.normal) > 0)) return DGFEM_OK;
+    for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++)
+        for (int i = 0; i < mesh->loops[l].count; i++) {
+            dgfem_vec3 p = mesh->vertices[mesh->loop_vertices[mesh->loops[l].start + i]];
+            dgfem_real d = dgfemi_dot(plane.normal, p) - plane.offset;
+            low = dgfemi_min(low, d), high = dgfemi_max(high, d);
+        }
+    dgfem_real thin = dgfemi_max(cutter->snap * radius, DGFEM_SAME_PLANE * radius);
+    if (high < thin || -low < thin) return DGFEM_OK;
+    if (!dgfemi_split_set_plane(s, plane, &element, 1)) return dgfemi_fail_memory(&hooks);
+    mesh->hooks.log = NULL;
+    dgfem_status status = dgfemi_split_faces(s, &f, 1);
+    mesh->hooks.log = hooks.log;
+    if (status == DGFEM_ERROR_MEMORY) return dgfemi_fail_memory(&hooks);
+    if (status) return DGFEM_OK; /* stays whole, on one side of the edge */
+    for (int i = 0; i < s->cut[f].below + s->cut[f].above; i++) {
+        if (i == 0) cutter->walls.data[wall] = s->cut[f].first;
+        else if (!dgfemi_push(&hooks, &cutter->walls, s->cut[f].first + i)) return dgfemi_fail_memory(&hooks);
+    }
+    return DGFEM_OK;
+}
+
+static dgfem_status dgfemi_cutter_divide_walls(dgfemi_cutter *cutter) {
+    const dgfemi_blade *blade = cutter->blade;
+    dgfem_status status = DGFEM_OK;
+    for (int k = 0; !status && k < blade->polygon_count; k++) {
+        dgfem_vec3 from = blade->polygon[k], to = blade->polygon[k + 1 < blade->polygon_count ? k + 1 : 0];
+        int count = cutter->walls.count; /* parts made by this edge are not met by it again */
+        for (int w = 0; !status && w < count; w++)
+            if (dgfemi_cutter_edge_meets(cutter, cutter->walls.data[w], from, to))
+                status = dgfemi_cutter_divide(cutter, w, from, to);
+    }
+    return status;
+}
+
+/* The middle of a face in the world, between both sides. */
+static dgfem_vec3 dgfemi_cutter_middle(const dgfemi_cutter *cutter, const dgfem_face *face) {
+    dgfem_vec3 a = dgfemi_cutter_place(cutter, face->element[0], face->centre);
+    dgfem_vec3 b = dgfemi_cutter_place(cutter, face->element[1], face->centre);
+    return dgfemi_scale(DGFEM_R(0.5), dgfemi_add(a, b));
+}
+
+/* One blade. On failure the edit is of no further use. */
+static dgfem_status dgfemi_cutter_apply(dgfemi_cutter *cutter, const dgfemi_blade *blade) {
+    const dgfem_hooks *hooks = &cutter->edit->body->hooks;
+    dgfem_status status = DGFEM_OK;
+    cutter->blade = blade;
+    if (!dgfemi_cutter_take_sides(cutter)) return dgfemi_fail_memory(hooks);
+    for (int i = 0; !status && i < cutter->straddler_count; i++)
+        if (!cutter->straddlers[i].done) status = dgfemi_cutter_split_group(cutter, i);
+    if (status) return status;
+    if (!dgfemi_cutter_list_walls(cutter)) return dgfemi_fail_memory(hooks);
+    if (blade->polygon) status = dgfemi_cutter_divide_walls(cutter);
+    for (int w = 0; !status && w < cutter->walls.count; w++) {
+        dgfem_face *face = &cutter->edit->mesh->faces[cutter->walls.data[w]];
+        if (blade->polygon && !dgfemi_blade_covers(blade, dgfemi_cutter_middle(cutter, face))) continue;
+        face->cut = 1;
+        cutter->faces_cut++;
+    }
+    return status;
+}
+
+/* ---- the cut ---- */
+
+DGFEM_API dgfem_cut_desc dgfem_default_cut_desc(void) {
+    dgfem_cut_desc desc;
+    memset(&desc, 0, sizeof desc);
+    desc.cookie = DGFEM_COOKIE;
+    desc.snap = desc.sliver = DGFEM_R(1e-3);
+    return desc;
+}
+
+static dgfem_status dgfemi_check_cut(const dgfem_body *body, const dgfem_cut_desc *desc) {
+    const dgfem_hooks *hooks = &body->hooks;
+    dgfem_status status = DGFEM_OK;
+    if (desc->cookie != DGFEM_COOKIE)
+        return dgfemi_fail(hooks, DGFEM_ERROR_DESCRIPTOR, "cut: %s", dgfem_status_text(DGFEM_ERROR_DESCRIPTOR));
+    if (!(desc->snap >= 0 && desc->snap <= DGFEM_R(0.5)))
+        return dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "cut: snap is %g, expected in [0, 0.5]", (double)desc->snap);
+    if (!(desc->sliver >= 0 && desc->sliver < 1))
+        return dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "cut: sliver is %g, expected in [0, 1)", (double)desc->sliver);
+    status = dgfemi_check_not_negative(hooks, desc->smallest, "cut: smallest");
+    if (status) return status;
+    if (desc->skin_count < 0 || (desc->skin_count > 0 && !desc->skins))
+        return dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "cut: %d skins", desc->skin_count);
+    for (int i = 0; i < desc->skin_count; i++)
+        if (!desc->skins[i] || desc->skins[i]->embedding->revision != body->revision)
+            return dgfemi_fail(hooks, DGFEM_ERROR_REVISION, "cut: skin %d is not up to date with the body", i);
+    return DGFEM_OK;
+}
+
+/* A skin cut by all blades in turn; *out is new. */
+static dgfem_status dgfemi_cut_skin(const dgfem_skin *skin, const dgfem_body *next, const dgfemi_blade *blades,
+                                    int count, dgfem_skin **out) {
+    dgfem_skin *last = NULL;
+    for (int b = 0; b < count; b++) {
+        dgfem_status status = dgfemi_skin_cut(last ? last : skin, next, &blades[b], out);
+        dgfem_skin_destroy(last);
+        if (status) return status;
+        last = *out;
+    }
+    return DGFEM_OK;
+}
+
+static dgfem_status dgfemi_cut_skins(const dgfem_cut_desc *desc, const dgfem_body *next, const dgfemi_blade *blades,
+                                     int count, dgfem_skin **cut) {
+    dgfem_status status = DGFEM_OK;
+    for (int i = 0; !status && i < desc->skin_count; i++) {
+        status = dgfemi_cut_skin(desc->skins[i], next, blades, count, &cut[i]);
+        if (status) cut[i] = NULL;
+    }
+    if (status)
+        for (int i = 0; i < desc->skin_count; i++) dgfem_skin_destroy(cut[i]);
+    return status;
+}
+
+/* Makes the edited body and its skins, and swaps all of them at once. */
+static dgfem_status dgfemi_cut_finish(dgfemi_edit *edit, dgfem_body *body, const dgfemi_blade *blades, int count,
+                                      const dgfem_cut_desc *desc) {
+    dgfemi_arena arena = dgfemi_arena_make(&body->hooks);
+    size_t skins = (size_t)desc->skin_count;
+    dgfem_skin **cut = (dgfem_skin **)dgfemi_arena_allocate_zero(&arena, skins, sizeof *cut);
+    dgfemi_renewal renewal;
+    if (!cut) return dgfemi_fail_memory(&body->hooks);
+    dgfem_status status = dgfemi_renewal_make(&renewal, edit, body);
+    if (!status) {
+        status = dgfemi_cut_skins(desc, &renewal.next, blades, count, cut);
+        if (status) dgfemi_renewal_abort(&renewal);
+        else dgfemi_renewal_accept(&renewal);
+    }
+    for (size_t i = 0; !status && i < skins; i++) {
+        dgfem_skin last = *desc->skins[i];
+        *desc->skins[i] = *cut[i];
+        *cut[i] = last;
+        dgfem_skin_destroy(cut[i]);
+    }
+    dgfemi_arena_free(&arena);
+    return status;
+}
+
+static dgfem_status dgfemi_body_cut(dgfem_body *body, const dgfemi_blade *blades, int count, const dgfem_cut_desc *desc,
+                                    dgfem_cut_info *info) {
+    dgfemi_edit edit;
+    dgfemi_cutter cutter;
+    dgfem_status status = dgfemi_edit_begin(&edit, body);
+    memset(info, 0, sizeof *info);
+    if (status) return status;
+    dgfemi_cutter_make(&cutter, &edit);
+    cutter.snap = desc->snap, cutter.smallest = desc->smallest;
+    for (int b = 0; !status && b < count; b++) status = dgfemi_cutter_apply(&cutter, &blades[b]);
+    info->elements_split = cutter.elements_split, info->faces_cut = cutter.faces_cut;
+    dgfemi_cutter_free(&cutter);
+    if (!status && desc->sliver > 0) status = dgfemi_edit_merge(&edit, desc->sliver, 0, &info->slivers_merged);
+    if (!status && info->faces_cut > 0) status = dgfemi_cut_finish(&edit, body, blades, count, desc);
+    dgfemi_edit_free(&edit);
+    if (status || info->faces_cut == 0) memset(info, 0, sizeof *info);
+    return status;
+}
+
+DGFEM_API dgfem_status dgfem_body_cut_plane(dgfem_body *body, dgfem_plane plane, const dgfem_cut_desc *desc,
+                                            dgfem_cut_info *info) {
+    dgfem_cut_desc standard = dgfem_default_cut_desc();
+    dgfem_cut_info ignored;
+    dgfemi_blade blade;
+    if (!body) return DGFEM_ERROR_ARGUMENT;
+    dgfem_status status = dgfemi_check_cut(body, desc ? desc : &standard);
+    if (!status) status = dgfemi_split_check_plane(&body->hooks, plane);
+    if (status) return status;
+    memset(&blade, 0, sizeof blade);
+    dgfem_real length = dgfemi_norm(plane.normal);
+    blade.normal = dgfemi_normalized(plane.normal);
+    blade.offset = dgfemi_abs(length - 1) <= 4 * DGFEM_EPSILON ? plane.offset : plane.offset / length;
+    return dgfemi_body_cut(body, &blade, 1, desc ? desc : &standard, info ? info : &ignored);
+}
+
+/* ---- polygons ---- */
+
+/* Copies n points into memory of the arena; NULL and a status on failure. */
+static dgfem_status dgfemi_cut_points(const dgfem_body *body, dgfemi_arena *arena, dgfem_points_in points,
+                                      dgfem_vec3 **out) {
+    dgfem_status status =
+        dgfemi_check_points(&body->hooks, points.data, points.type, points.stride, points.count, "cut");
+    if (status) return status;
+    *out = (dgfem_vec3 *)dgfemi_arena_allocate(arena, (size_t)points.count, sizeof **out);
+    if (!*out) return dgfemi_fail_memory(&body->hooks);
+    for (int i = 0; i < points.count; i++) {
+        (*out)[i] = dgfemi_point_read(&points, i);
+        if (!dgfemi_is_finite3((*out)[i]))
+            return dgfemi_fail(&body->hooks, DGFEM_ERROR_NOT_FINITE, "cut: vertex %d", i);
+    }
+    return DGFEM_OK;
+}
+
+/* The polygon's plane. Normal zero: it has no area. */
+static void dgfemi_blade_set(dgfemi_blade *blade, const dgfem_vec3 *polygon, int count) {
+    dgfem_vec3 twice = dgfemi_vec3(0, 0, 0), middle = twice;
+    dgfem_real size = 0;
+    for (int i = 2; i < count; i++)
+        twice =
+            dgfemi_add(twice, dgfemi_cross(dgfemi_sub(polygon[i - 1], polygon[0]), dgfemi_sub(polygon[i], polygon[0])));
+    for (int i = 0; i < count; i++) {
+        middle = dgfemi_add_scaled(middle, 1 / (dgfem_real)count, dgfemi_sub(polygon[i], polygon[0]));
+        size = dgfemi_max(size, dgfemi_distance(polygon[i], polygon[0]));
+    }
+    memset(blade, 0, sizeof *blade);
+    blade->polygon = polygon, blade->polygon_count = count;
+    if (!(dgfemi_norm(twice) > 1000 * DGFEM_EPSILON * size * size)) return;
+    blade->normal = dgfemi_normalized(twice);
+    blade->offset = dgfemi_dot(blade->normal, dgfemi_add(polygon[0], middle));
+}
+
+/* Planar, and no two edges cross or touch but neighbours in their vertex. */
+static dgfem_status dgfemi_check_polygon(const dgfem_body *body, const dgfemi_blade *blade) {
+    const dgfem_hooks *hooks = &body->hooks;
+    const dgfem_real flat = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-3) : DGFEM_R(1e-6);
+    int n = blade->polygon_count;
+    double a[2], b[2], c[2], d[2];
+    if (!(dgfemi_norm(blade->normal) > 0))
+        return dgfemi_fail(hooks, DGFEM_ERROR_DEGENERATE, "cut: the polygon has no area");
+    for (int i = 0; i < n; i++) {
+        dgfem_real distance = dgfemi_blade_distance(blade, blade->polygon[i]);
+        dgfem_real size = dgfemi_distance(blade->polygon[i], blade->polygon[(i + n / 2) % n]);
+        if (!(dgfemi_abs(distance) <= flat * size))
+            return dgfemi_fail(hooks, DGFEM_ERROR_NOT_PLANAR, "cut: vertex %d of the polygon is %g off its plane", i,
+                               (double)distance);
+    }
+    for (int i = 0; i < n; i++)
+        for (int k = i + 2; k < n; k++) {
+            if (i == 0 && k == n - 1) continue;
+            dgfemi_blade_project(blade, blade->polygon[i], a);
+            dgfemi_blade_project(blade, blade->polygon[i + 1], b);
+            dgfemi_blade_project(blade, blade->polygon[k], c);
+            dgfemi_blade_project(blade, blade->polygon[(k + 1) % n], d);
+            if (dgfemi_segments_meet(a, b, c, d))
+                return dgfemi_fail(hooks, DGFEM_ERROR_NOT_SIMPLE, "cut: edges %d and %d of the polygon cross", i, k);
+        }
+    return DGFEM_OK;
+}
+
+DGFEM_API dgfem_status dgfem_body_cut_polygon(dgfem_body *body, dgfem_points_in polygon, const dgfem_cut_desc *desc,
+                                              dgfem_cut_info *info) {
+    dgfem_cut_desc standard = dgfem_default_cut_desc();
+    dgfem_cut_info ignored;
+    dgfem_vec3 *points = NULL;
+    dgfemi_blade blade;
+    if (!body) return DGFEM_ERROR_ARGUMENT;
+    dgfem_status status = dgfemi_check_cut(body, desc ? desc : &standard);
+    if (!status && polygon.count < 3)
+        status = dgfemi_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "cut: a polygon of %d vertices", polygon.count);
+    if (status) return status;
+    dgfemi_arena arena = dgfemi_arena_make(&body->hooks);
+    status = dgfemi_cut_points(body, &arena, polygon, &points);
+    if (!status) {
+        dgfemi_blade_set(&blade, points, polygon.count);
+        status = dgfemi_check_polygon(body, &blade);
+    }
+    if (!status) status = dgfemi_body_cut(body, &blade, 1, desc ? desc : &standard, info ? info : &ignored);
+    dgfemi_arena_free(&arena);
+    return status;
+}
+
+/* ---- surfaces ---- */
+
+/* One blade for each triangle that has an area. */
+static dgfem_status dgfemi_cut_triangles(dgfem_body *body, dgfemi_arena *arena, dgfem_points_in vertices,
+                                         const int *triangles, int count, const dgfem_cut_desc *desc,
+                                         dgfem_cut_info *info) {
+    dgfem_vec3 *points = NULL, *corners;
+    dgfemi_blade *blades;
+    int blade_count = 0;
+    dgfem_status status = dgfemi_cut_points(body, arena, vertices, &points);
+    if (status) return status;
+    corners = (dgfem_vec3 *)dgfemi_arena_allocate(arena, 3 * (size_t)count, sizeof *corners);
+    blades = (dgfemi_blade *)dgfemi_arena_allocate(arena, (size_t)count, sizeof *blades);
+    if (!corners || !blades) return dgfemi_fail_memory(&body->hooks);
+    for (int t = 0; t < count; t++) {
+        for (int i = 0; i < 3; i++) {
+            int v = triangles[3 * t + i];
+            if (v < 0 || v >= vertices.count)
+                return dgfemi_fail(&body->hooks, DGFEM_ERROR_INDEX, "cut: triangle %d names vertex %d of %d", t, v,
+                                   vertices.count);
+            corners[3 * t + i] = points[v];
+        }
+        dgfemi_blade_set(&blades[blade_count], corners + 3 * t, 3);
+        blade_count += dgfemi_norm(blades[blade_count].normal) > 0;
+    }
+    return dgfemi_body_cut(body, blades, blade_count, desc, info);
+}
+
+DGFEM_API dgfem_status dgfem_body_cut_surface(dgfem_body *body, dgfem_points_in vertices, const int *triangles,
+                                              int triangle_count, const dgfem_cut_desc *desc, dgfem_cut_info *info) {
+    dgfem_cut_desc standard = dgfem_default_cut_desc();
+    dgfem_cut_info ignored;
+    if (!body) return DGFEM_ERROR_ARGUMENT;
+    dgfem_status status = dgfemi_check_cut(body, desc ? desc : &standard);
+    if (!status && (triangle_count < 0 || triangle_count > INT_MAX / 3 || (triangle_count > 0 && !triangles)))
+        status = dgfemi_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "cut: %d triangles", triangle_count);
+    if (status) return status;
+    dgfemi_arena arena = dgfemi_arena_make(&body->hooks);
+    status = dgfemi_cut_triangles(body, &arena, vertices, triangles, triangle_count, desc ? desc : &standard,
+                                  info ? info : &ignored);
+    dgfemi_arena_free(&arena);
+    return status;
 }
 
 #endif /* DGFEM_IMPLEMENTATION */

@@ -125,8 +125,9 @@
      in a little, in proportion to their weight.
    - Repairing surfaces. Open, inside-out or degenerate ones are refused with the offender named. A surface that crosses
      itself is not noticed.
-   - Hard constraints. Fixed faces are held weakly, by the same terms that glue elements together: exactly in the
-     mean as the mesh is refined, with a small residue on coarse ones.
+   - Hard constraints on faces or points. Fixed faces are held weakly, by the same terms that glue elements together,
+     with a small residue on coarse meshes that vanishes with refinement; pins are springs. Only whole elements can be
+     held exactly (dgfem_body_fix_elements).
    - Reading or writing files, drawing, threads of its own.
    - Calls on the same object from two threads at once. Different objects are independent.
 
@@ -200,8 +201,19 @@
 #include "dgfem/solve.c"
 #include "dgfem/stability.c"
 #include "dgfem/query.c"
+#include "dgfem/pieces.c"
+#include "dgfem/edit.c"
+#include "dgfem/renew.c"
 #include "dgfem/degree.c"
+#include "dgfem/refine.c"
+#include "dgfem/fracture.c"
+#include "dgfem/blade.c"
 #include "dgfem/skin.c"
+#include "dgfem/skin_split.c"
+#include "dgfem/skin_cap.c"
+#include "dgfem/skin_cut.c"
+#include "dgfem/surface.c"
+#include "dgfem/cut.c"
 #endif /* DGFEM_IMPLEMENTATION */
 
 /* Copyright (c) the dgfem authors

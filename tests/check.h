@@ -20,6 +20,17 @@
 /* Tests run longer campaigns where DGFEM_LONG is set in the environment. */
 static inline int check_long(void) { return getenv("DGFEM_LONG") != NULL; }
 
+static inline dgfem_vec3 vec3(double x, double y, double z) {
+    dgfem_vec3 v;
+    v.x = (dgfem_real)x, v.y = (dgfem_real)y, v.z = (dgfem_real)z;
+    return v;
+}
+
+static inline double check_distance(dgfem_vec3 a, dgfem_vec3 b) {
+    double x = (double)a.x - (double)b.x, y = (double)a.y - (double)b.y, z = (double)a.z - (double)b.z;
+    return sqrt(x * x + y * y + z * z);
+}
+
 /* ---- comparisons ---- */
 
 static inline void check_near_at(double actual, double expected, double tolerance, const char *text, const char *file,
@@ -149,8 +160,8 @@ static inline void check_logged_at(check_host *host, const char *part, const cha
 }
 
 /* Calls `run`, which creates with the given hooks and destroys again what it got, first with every allocation failing,
-   then with all but one, and so on until it succeeds. Each failure must be DGFEM_ERROR_MEMORY, and nothing may stay
-   allocated. Returns the number of allocations. */
+   then with all but one, and so on until it succeeds. Each failure must be DGFEM_ERROR_MEMORY and log one line, and
+   nothing may stay allocated. Returns the number of allocations. */
 static inline long check_every_allocation(dgfem_status (*run)(void *context, const dgfem_hooks *hooks), void *context) {
     long fail_from;
     for (fail_from = 1;; fail_from++) {
@@ -162,9 +173,11 @@ static inline long check_every_allocation(dgfem_status (*run)(void *context, con
         assert_int_equal(host.live, 0);
         if (host.calls < fail_from) { /* no allocation failed */
             check_status(status, DGFEM_OK);
+            assert_int_equal(host.log_count, 0);
             return host.calls;
         }
         check_status(status, DGFEM_ERROR_MEMORY);
+        check_logged(&host, "out of memory");
     }
 }
 

@@ -4,6 +4,7 @@
 #   checks.sh headers            the committed headers are what src/ gives
 #   checks.sh packer             the packer refuses what it must refuse
 #   checks.sh matrix COMPILER    every header compiles without warning: declarations, implementation, static; both reals
+#   checks.sh bench              the benchmarks compile without warning
 #   checks.sh symbols            external symbols and macros carry the prefix; the two precisions do not link together
 #   checks.sh failing            a failing check, a crash and a silent program make a run fail
 #   checks.sh readme             the programs in the README and in the manual compile as printed and run
@@ -116,9 +117,12 @@ check_packer() {
 
 # ---- compile matrix ----
 
-# compiles COMPILER FLAGS... : three ways to use each header. Optimization finds more to warn about, and takes longer:
-# the implementation alone is worth it.
+# compiles HOW COMPILER FLAGS... : three ways to use each header. HOW is -c or, where it is compiled elsewhere,
+# -fsyntax-only for the implementation. Optimization finds more to warn about, and takes longer: the implementation
+# alone is worth it.
 compiles() {
+    how=$1
+    shift
     for product in $products; do
         printf '#include "%s"\n#include "%s"\nint used;\n' "$product" "$product" > "$work/declare.src"
         printf '#define DGFEM_STATIC\n#define DGFEM_IMPLEMENTATION\n#include "%s"\nint used;\n' "$product" \
@@ -127,7 +131,7 @@ compiles() {
             "$product" > "$work/implement.src"
         "$@" $warnings -I. -O0 -c -o "$work/object.o" "$work/declare.src" &&
             "$@" $warnings -I. -O0 -fsyntax-only "$work/static.src" &&
-            "$@" $warnings -I. -c -o "$work/object.o" "$work/implement.src" || return 1
+            "$@" $warnings -I. "$how" -o "$work/object.o" "$work/implement.src" || return 1
     done
 }
 
@@ -144,8 +148,21 @@ check_matrix() {
         *) language='-x c -std=c99 -O0' ;;
     esac
     for real in double float; do
+        # gcc compiles double with -O3 for the examples, and both for the tests.
+        how=-c
+        [ "$compiler $real" = "gcc double" ] && how=-fsyntax-only
         # shellcheck disable=SC2086
-        check "$compiler $language $real" compiles "$compiler" $language "-DDGFEM_REAL=$real"
+        check "$compiler $language $real" compiles $how "$compiler" $language "-DDGFEM_REAL=$real"
+    done
+}
+
+# ---- benchmarks ----
+
+check_bench() {
+    for source in bench/bench_*.c; do
+        # shellcheck disable=SC2086
+        check "$source compiles" "$gcc" -std=c99 -D_POSIX_C_SOURCE=200809L $warnings -I. -Iexamples/common -Itests \
+            -Ibench -fsyntax-only "$source"
     done
 }
 
@@ -155,6 +172,7 @@ implementation() {
     for product in $products; do printf '#define DGFEM_IMPLEMENTATION\n#include "%s"\n' "$product"; done
 }
 
+# Leaves the object for the checks that follow.
 symbols_have_prefix() {
     implementation > "$work/a.c"
     "$gcc" -std=c99 "-DDGFEM_REAL=$1" -I. -c -o "$work/$1.o" "$work/a.c" || return 1
@@ -190,10 +208,8 @@ precisions_do_not_link() {
     echo 'typedef void (*any)(void); any used[] = {' >> "$work/user.c"
     sed 's/.*/(any)&,/' "$work/creating" >> "$work/user.c"
     echo '0}; int main(void) { return !used[0]; }' >> "$work/user.c"
-    implementation > "$work/a.c"
     for real in double float; do
         "$gcc" -std=c99 "-DDGFEM_REAL=$real" -I. -c -o "$work/user_$real.o" "$work/user.c" || return 1
-        "$gcc" -std=c99 "-DDGFEM_REAL=$real" -I. -c -o "$work/$real.o" "$work/a.c" || return 1
         "$gcc" -o "$work/same" "$work/user_$real.o" "$work/$real.o" -lm || return 1
         "$work/same" || return 1
     done
@@ -385,7 +401,7 @@ check_examples() {
 
 what=${1:-}
 case $what in
-    headers | packer | symbols | failing | readme | examples) "check_$what" ;;
+    headers | packer | bench | symbols | failing | readme | examples) "check_$what" ;;
     matrix) check_matrix "$2" ;;
     *)
         sed -n '2,/^$/s/^# \{0,1\}//p' "$0"

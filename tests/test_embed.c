@@ -5,12 +5,6 @@
 #include "check.h"
 #include "check_body.h"
 
-static dgfem_vec3 vec3(double x, double y, double z) {
-    dgfem_vec3 v;
-    v.x = (dgfem_real)x, v.y = (dgfem_real)y, v.z = (dgfem_real)z;
-    return v;
-}
-
 /* ---- meshes ---- */
 
 static dgfem_mesh *grid(int nx, int ny, int nz, dgfem_vec3 lower, dgfem_vec3 upper) {

@@ -117,12 +117,12 @@ static void test_tags_name_triangles(void **state) {
         area[face->tag] += (double)face->area;
     }
     for (int t = 0; t < s.triangle_count; t++) {
-        dgfem_vec3 p[3];
-        for (int k = 0; k < 3; k++) {
-            const double *v = s.vertices + 3 * s.triangles[3 * t + k];
-            p[k].x = (dgfem_real)v[0], p[k].y = (dgfem_real)v[1], p[k].z = (dgfem_real)v[2];
-        }
-        double expected = (double)dgfemi_norm(dgfemi_cross(dgfemi_sub(p[1], p[0]), dgfemi_sub(p[2], p[0]))) / 2;
+        const int *corner = s.triangles + 3 * t;
+        const double *p = s.vertices + 3 * corner[0], *q = s.vertices + 3 * corner[1], *r = s.vertices + 3 * corner[2];
+        double x = (q[1] - p[1]) * (r[2] - p[2]) - (q[2] - p[2]) * (r[1] - p[1]);
+        double y = (q[2] - p[2]) * (r[0] - p[0]) - (q[0] - p[0]) * (r[2] - p[2]);
+        double z = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
+        double expected = sqrt(x * x + y * y + z * z) / 2;
         check_near(area[t], expected, 1000 * CHECK_EPSILON);
     }
     free(area);

@@ -4,6 +4,7 @@
 
 #include "check.h"
 #include "check_matrix.h"
+#include <limits.h>
 
 /* coupled[r * count + c], r >= c, by looking at every pair. */
 static unsigned char *coupling(const check_blocks *blocks) {

@@ -2,13 +2,7 @@
 #define DGFEM_IMPLEMENTATION
 #include "dgfem.h"
 
-#include "check.h"
-
-static dgfem_vec3 vec3(double x, double y, double z) {
-    dgfem_vec3 v;
-    v.x = (dgfem_real)x, v.y = (dgfem_real)y, v.z = (dgfem_real)z;
-    return v;
-}
+#include "check_solid.h"
 
 /* A clamped box, cut by random planes. */
 static dgfem_body *make_body(int degree, int planes, double stretch, dgfem_real eta, check_random *random) {
@@ -72,7 +66,11 @@ static void test_bound_suffices(void **state) {
         for (int k = 0; k < 3; k++) {
             dgfem_body *body = make_body(degree, k == 2 ? 3 : 0, k == 1 ? 10 : 1, 4, &random);
             double theta = largest_bound(body);
-            print_message("degree %d, %s: theta %.3f\n", degree, k == 0 ? "cubes" : k == 1 ? "1:10" : "polyhedra", theta);
+            print_message("degree %d, %s: theta %.3f\n", degree,
+                          k == 0   ? "cubes"
+                          : k == 1 ? "1:10"
+                                   : "polyhedra",
+                          theta);
             assert_true(theta < 4);
             check_status(dgfem_body_set_eta(body, (dgfem_real)(1.01 * theta)), DGFEM_OK);
             for (int round = 0; round < 5; round++) assert_true(is_definite(body, &random));
@@ -108,10 +106,61 @@ static void test_search_doubles_until_definite(void **state) {
     dgfem_body_destroy(body);
 }
 
+/* A sphere of 960 triangles in 3 cells across, its lower half held: a curved surface is one patch, however many faces
+   it has, so that the default penalty suffices. */
+static void test_held_sphere(void **state) {
+    (void)state;
+    enum { AROUND = 32, RINGS = 15, VERTICES = AROUND * RINGS + 2, TRIANGLES = 2 * AROUND * RINGS };
+    static dgfem_vec3 vertices[VERTICES];
+    static int triangles[3 * TRIANGLES], faces[MAX_FACES];
+    const double pi = 3.14159265358979324;
+    int t = 0, count = 0;
+    vertices[VERTICES - 2] = vec3(0, 0, -1), vertices[VERTICES - 1] = vec3(0, 0, 1);
+    for (int ring = 0; ring < RINGS; ring++)
+        for (int k = 0; k < AROUND; k++) {
+            double a = 2 * pi * k / AROUND, b = pi * (ring + 1) / (RINGS + 1);
+            int next = (k + 1) % AROUND, v = ring * AROUND;
+            vertices[v + k] = vec3(sin(b) * cos(a), sin(b) * sin(a), -cos(b));
+            if (ring == 0) triangles[t++] = VERTICES - 2, triangles[t++] = v + next, triangles[t++] = v + k;
+            if (ring == RINGS - 1) {
+                triangles[t++] = VERTICES - 1, triangles[t++] = v + k, triangles[t++] = v + next;
+                continue;
+            }
+            triangles[t++] = v + k, triangles[t++] = v + next, triangles[t++] = v + AROUND + next;
+            triangles[t++] = v + k, triangles[t++] = v + AROUND + next, triangles[t++] = v + AROUND + k;
+        }
+    assert_int_equal(t, 3 * TRIANGLES);
+    for (int degree = 1; degree <= (DGFEM_REAL_IS_FLOAT ? 1 : 2); degree++) {
+        dgfem_slice_desc slice = dgfem_default_slice_desc();
+        dgfem_body_desc desc = dgfem_default_body_desc();
+        dgfem_body *body = NULL;
+        slice.vertices = dgfem_points_in_vec3(vertices, VERTICES);
+        slice.triangles = triangles;
+        slice.triangle_count = TRIANGLES;
+        slice.cells = 3;
+        check_status(dgfem_mesh_create_slices(&slice, &desc.mesh), DGFEM_OK);
+        desc.degree = degree;
+        check_status(dgfem_body_create(&desc, &body), DGFEM_OK);
+        for (int f = count = 0; f < body->mesh->face_count; f++)
+            if (body->mesh->faces[f].element[1] == DGFEM_NONE && body->mesh->faces[f].centre.z < 0) faces[count++] = f;
+        assert_in_range(count, TRIANGLES / 2, MAX_FACES);
+        check_status(dgfem_body_fix_faces(body, faces, count, vec3(0, 0, 0), NULL), DGFEM_OK);
+        double theta = largest_bound(body);
+        print_message("degree %d, held sphere: theta %.3f\n", degree, theta);
+        assert_true(theta < 2.5);
+        check_status(dgfem_body_step(body, DGFEM_R(0.01), NULL), DGFEM_OK);
+        solve(body);
+        double top = (double)dgfem_body_displacement(body, body->mesh->element_count - 1, vec3(0, 0, 0.9)).z;
+        assert_true(top < 0 && top > -0.1);
+        dgfem_body_destroy(body);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_bound_suffices),
         cmocka_unit_test(test_bound_is_dimensionless),
+        cmocka_unit_test(test_held_sphere),
         cmocka_unit_test(test_search_doubles_until_definite),
     };
     return cmocka_run_group_tests_name("stability", tests, NULL, NULL);

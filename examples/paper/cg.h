@@ -10,11 +10,11 @@ typedef struct cg {
     int node_count, corners, element_count; /* corners of an element: 4 (tetrahedra) or 8 (boxes: x fastest) */
     dgfem_vec3 *nodes;
     int *elements;
-    char *held;          /* [node_count] */
-    int *block;          /* [node_count] block of the matrix, or DGFEM_NONE */
-    double *stiffness;   /* [element_count] (3 * corners)^2 */
+    char *held;        /* [node_count] */
+    int *block;        /* [node_count] block of the matrix, or DGFEM_NONE */
+    double *stiffness; /* [element_count] (3 * corners)^2 */
     dgfem_matrix *matrix;
-    double *x;           /* 3 per block */
+    double *x; /* 3 per block */
     double seconds_integrate, seconds_analyse, seconds_assemble, seconds_factor, seconds_solve;
 } cg;
 
@@ -119,7 +119,8 @@ static inline void cg_integrate(cg *c, double young, double poisson) {
                     for (int a = 0; a < 3; a++)
                         for (int b = 0; b < 3; b++)
                             k[(3 * i + a) * size + 3 * j + b] +=
-                                weight * (lambda * g[i][a] * g[j][b] + mu * g[i][b] * g[j][a] + (a == b ? mu * dot : 0));
+                                weight *
+                                (lambda * g[i][a] * g[j][b] + mu * g[i][b] * g[j][a] + (a == b ? mu * dot : 0));
                 }
         }
     }
@@ -167,7 +168,8 @@ static inline double *cg_assemble(cg *c, dgfem_vec3 density) {
         for (int i = 0; i < n; i++) {
             int row = c->block[c->elements[n * e + i]];
             if (row == DGFEM_NONE) continue;
-            rhs[3 * row] += share * density.x, rhs[3 * row + 1] += share * density.y, rhs[3 * row + 2] += share * density.z;
+            rhs[3 * row] += share * density.x, rhs[3 * row + 1] += share * density.y,
+                rhs[3 * row + 2] += share * density.z;
             for (int j = 0; j < n; j++) {
                 int column = c->block[c->elements[n * e + j]];
                 if (column == DGFEM_NONE || column > row) continue;

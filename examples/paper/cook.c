@@ -1,9 +1,10 @@
-/* Cook's membrane: the panel (0,0) (48,44) (48,60) (0,44), held at x = 0, sheared at x = 48 by 1/16 per unit of height and
-   thickness, upward. A slab of one layer of tapered boxes with symmetry faces on both sides is in plane strain. A is the
-   middle of the loaded edge, (48, 52), C its upper end, (48, 60). Linear elasticity.
+/* Cook's membrane: the panel (0,0) (48,44) (48,60) (0,44), held at x = 0, sheared at x = 48 by 1/16 per unit of height
+   and thickness, upward. A slab of one layer of tapered boxes with symmetry faces on both sides is in plane strain. A
+   is the middle of the loaded edge, (48, 52), C its upper end, (48, 60). Linear elasticity.
 
    Published converged values:
-     nu = 1/3, plane stress, E = 1: u_y(A) = 23.96, the usual value for R. D. Cook, "Improved two-dimensional finite element",
+     nu = 1/3, plane stress, E = 1: u_y(A) = 23.96, the usual value for R. D. Cook, "Improved two-dimensional finite
+     element",
        J. Struct. Div. ASCE 100 (1974). Plane strain with E' = E (1 + 2 nu) / (1 + nu)^2 = 15/16 and nu' = nu / (1 + nu)
        = 1/4 has the same in-plane solution.
      nu = 1/3, plane strain, E = 70, F = 100: u_y(C) = 32.27 (CalculiX), 32.20 (Code_Aster), 32.28 (Elmer), the CoFEA
@@ -11,7 +12,8 @@
      nu = 0.499999975, plane strain, E = 1.12499998125 (mu = 3/8): u_y(A) = 16.442, as used with F. Auricchio, L. Beirao
        da Veiga, C. Lovadina, A. Reali, "An analysis of some mixed-enhanced finite element for plane linear elasticity",
        Comput. Methods Appl. Mech. Eng. 194 (2005). The value depends on mu alone near nu = 1/2, so it stands for
-       nu = 0.4999 with the same mu too; our own value, of degree 3 on a mesh graded towards the singular corners, is beside it. */
+       nu = 0.4999 with the same mu too; our own value, of degree 3 on a mesh graded towards the singular corners, is
+       beside it. */
 #include "paper.h"
 
 /* Graded: cells shrink towards all four edges, for the singular corners. */
@@ -20,7 +22,8 @@ static double fraction(int i, int n, int graded) {
 }
 
 static dgfem_vec3 place(int n, int graded, int i, int j, int k) {
-    double x = fraction(i, n, graded), y = fraction(j, n, graded), low = 44 * x, high = 44 + 16 * x, thickness = 40.0 / n;
+    double x = fraction(i, n, graded), y = fraction(j, n, graded), low = 44 * x, high = 44 + 16 * x,
+           thickness = 40.0 / n;
     return vec3(48 * x, low + (high - low) * y, thickness * k);
 }
 
@@ -53,8 +56,8 @@ typedef struct setting {
 } setting;
 
 typedef struct result {
-    int dofs;
-    double a, c; /* u_y */
+    int definite; /* 0: the matrix was not positive definite to round-off; a and c are NaN */
+    double a, c;  /* u_y */
 } result;
 
 /* Mean over the elements at (48, y): two in the middle of the edge, one at its end. */
@@ -71,6 +74,7 @@ static result solve(const setting *s, int n, int degree, int graded) {
     result r;
     int count, *faces;
     desc.degree = degree;
+    if (graded) desc.hooks.log = NULL; /* main() deals with failure */
     dgfem_body *body = body_of(desc, membrane(n, graded));
     hold_plane(body, plane(1, 0, 0, 0));
     for (int side = 0; side < 2; side++) {
@@ -81,10 +85,9 @@ static result solve(const setting *s, int n, int degree, int graded) {
     faces = faces_on(body->mesh, plane(1, 0, 0, 48), &count);
     need(dgfem_body_set_traction(body, faces, count, vec3(0, s->traction, 0), NULL), "set_traction");
     free(faces);
-    if (!solve_linear(body, NULL)) need(DGFEM_ERROR_NOT_POSITIVE_DEFINITE, "membrane");
-    r.dofs = 3 * body->basis_count;
-    r.a = vertical(body, n, 52);
-    r.c = vertical(body, n, 60);
+    r.definite = solve_linear(body, NULL);
+    r.a = r.definite ? vertical(body, n, 52) : (double)NAN;
+    r.c = r.definite ? vertical(body, n, 60) : (double)NAN;
     dgfem_body_destroy(body);
     return r;
 }
@@ -100,6 +103,7 @@ int main(int argc, char **argv) {
     paper *out = paper_begin(&options);
     int count = out->quick ? 2 : 4;
     result r[4][4][4], reference[4];
+    memset(reference, 0, sizeof reference);
     for (int k = 0; k < 4; k++) {
         char title[120];
         snprintf(title, sizeof title, "Cook's membrane, %s: vertical displacement of A and C", settings[k].name);
@@ -107,20 +111,33 @@ int main(int argc, char **argv) {
         for (int l = 0; l < count; l++) {
             for (int degree = 1; degree <= 3; degree++) r[k][l][degree] = solve(&settings[k], levels[l], degree, 0);
             const result *x = r[k][l];
-            paper_row(out, "%d^2|%.4f|%.4f|%.4f|%.4f|%.4f|%.4f", levels[l], x[1].a, x[1].c, x[2].a, x[2].c, x[3].a, x[3].c);
+            paper_row(out, "%d^2|%.4f|%.4f|%.4f|%.4f|%.4f|%.4f", levels[l], x[1].a, x[1].c, x[2].a, x[2].c, x[3].a,
+                      x[3].c);
         }
-        reference[k] = solve(&settings[k], levels[count - 1], 3, 1);
-        paper_row(out, "%d^2 graded|-|-|-|-|%.4f|%.4f", levels[count - 1], reference[k].a, reference[k].c);
+        for (int l = 0; l < count; l++) {
+            result graded = solve(&settings[k], levels[l], 3, 1);
+            if (graded.definite) {
+                reference[k] = graded;
+                paper_row(out, "%d^2 graded|-|-|-|-|%.4f|%.4f", levels[l], graded.a, graded.c);
+            } else {
+                paper_row(out, "%d^2 graded|-|-|-|-|not definite|-", levels[l]);
+            }
+        }
         paper_print(out);
     }
-    paper_table(out, "Cook's membrane row by row: 16^2 boxes, and our reference, p=3 on the graded mesh",
-                "setting, point|p=1|p=2|our reference|published");
+    int level = count > 2 ? 2 : 1;
+    char title[120];
+    snprintf(title, sizeof title, "Cook's membrane row by row: %d^2 boxes, and p=3 on the finest graded mesh",
+             levels[level]);
+    paper_table(out, title, "setting, point|p=1|p=2|p=3, graded|published");
     for (int k = 0; k < 4; k++) {
-        const result *x = r[k][count > 2 ? 2 : 1], *y = &reference[k];
+        const result *x = r[k][level], *y = &reference[k];
         paper_row(out, "%s, A|%.3f|%.3f|%.3f|%s", settings[k].name, x[1].a, x[2].a, y->a, settings[k].published_a);
         paper_row(out, "%s, C|%.3f|%.3f|%.3f|%s", settings[k].name, x[1].c, x[2].c, y->c, settings[k].published_c);
     }
     paper_print(out);
+    paper_note("With nu = 0.499999975 (lambda / mu = 2e7) the matrices of the finer graded meshes are not positive "
+               "definite to round-off; 8^2 boxes are not enough for a reference there.");
     paper_end(out);
     return 0;
 }

@@ -1,5 +1,5 @@
-/* Fig. 1: consistency. -lap u = -2 with u = x^2 on the boundary of the unit square, quadratic polynomials on 4 x 4 squares.
-   The exact solution x^2 lies in the space: IP finds it for every penalty, BZ for none. */
+/* Fig. 1: consistency. -lap u = -2 with u = x^2 on the boundary of the unit square, quadratic polynomials on 4 x 4
+   squares. The exact solution x^2 lies in the space: IP finds it for every penalty, BZ for none. */
 #include "poisson.h"
 
 static double minus_two(double x, double y) { return (void)x, (void)y, -2; }
@@ -33,7 +33,10 @@ int main(int argc, char **argv) {
     for (size_t i = 0; i < sizeof etas / sizeof *etas; i++) {
         result bz = solve(4, 0, etas[i]), ip = solve(4, 1, etas[i]);
         paper_row(out, "%g|%.3e|%.3f|%.2e|%.1e|%.1e|%s", etas[i], bz.error, bz.error * etas[i], bz.jump, ip.error,
-                  ip.jump, ip.definite == 1 ? "definite" : ip.definite == 0 ? "indefinite" : "singular");
+                  ip.jump,
+                  ip.definite == 1   ? "definite"
+                  : ip.definite == 0 ? "indefinite"
+                                     : "singular");
         if (ip.definite >= 0 && ip.error > worst) worst = ip.error;
         scaled = bz.error * etas[i];
     }

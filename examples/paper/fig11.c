@@ -1,5 +1,5 @@
-/* Fig. 11: slivers. Nine elements: a regular tetrahedron at the origin, four frusta around it up to a tetrahedron half as
-   large as the outermost, four frusta beyond; the innermost one shrinks to the size s. The outer face below is held.
+/* Fig. 11: slivers. Nine elements: a regular tetrahedron at the origin, four frusta around it up to a tetrahedron half
+   as large as the outermost, four frusta beyond; the innermost one shrinks to the size s. The outer face below is held.
 
    Condition numbers of the stiffness matrix (E = 1, nu = 0.3, IP, default penalty): in the library's basis, centred and
    scaled for each element, raw and after scaling by the diagonal, and in the paper's basis, monomials of the global
@@ -91,7 +91,8 @@ static double *global_matrix(const dgfem_body *body) {
                 for (int a = 0; a < 3; a++)
                     for (int column = 0; column < size; column++) {
                         double sum = 0;
-                        for (int j = 0; j < nb; j++) sum += t[i * nb + j] * k[(m->offset[e] + 3 * j + a) * size + column];
+                        for (int j = 0; j < nb; j++)
+                            sum += t[i * nb + j] * k[(m->offset[e] + 3 * j + a) * size + column];
                         tk[column * size + m->offset[e] + 3 * i + a] = sum;
                     }
         }
@@ -131,7 +132,8 @@ int main(int argc, char **argv) {
         for (int i = 0; i < levels; i++) {
             double s = sizes[i], volume = s * s * s / ((1 - 0.125) / 4);
             c[degree][i] = measure(s, degree);
-            paper_row(out, "%g|%.1e|%.4g|%.4g|%.3g", s, volume, c[degree][i].scaled, c[degree][i].raw, c[degree][i].global);
+            paper_row(out, "%g|%.1e|%.4g|%.4g|%.3g", s, volume, c[degree][i].scaled, c[degree][i].raw,
+                      c[degree][i].global);
         }
         paper_print(out);
     }

@@ -1,5 +1,5 @@
-/* Fig. 12: a locally thin feature. A single non-convex element, 2 x 1 x 1, narrowed to the height eps in the middle, held
-   at one end:
+/* Fig. 12: a locally thin feature. A single non-convex element, 2 x 1 x 1, narrowed to the height eps in the middle,
+   held at one end:
 
         +-_        _-+
         |   -_  _-   |
@@ -75,7 +75,8 @@ int main(int argc, char **argv) {
     }
     paper_print(out);
     paper_table(out, "Fig. 12 row by row", "quantity|ours|paper|expected");
-    paper_row(out, "p=1: limit of the condition number, raw|%.1f|stays finite|530.7, other dimensions", c[HEIGHTS - 1][1].raw);
+    paper_row(out, "p=1: limit of the condition number, raw|%.1f|stays finite|530.7, other dimensions",
+              c[HEIGHTS - 1][1].raw);
     paper_row(out, "p=1: change from eps = 1e-4 to 1e-8|%.1e|none|none",
               fabs(c[HEIGHTS - 1][1].raw / c[HEIGHTS - 3][1].raw - 1));
     paper_row(out, "p=3: limit of the condition number, Jacobi|%.3g|stays finite|finite", c[HEIGHTS - 1][3].scaled);

@@ -90,8 +90,7 @@ static void print_levels(paper *out, const char *title, result (*r)[METHODS], in
         else if (what == 2)
             paper_row(out, "%d^2|%.3g|%.3g|%.3g|%.3g|%.3g", 2 << l, a[0].scaled, a[1].scaled, a[2].scaled, a[3].scaled,
                       a[4].scaled);
-        else
-            paper_row(out, "%d^2|%d|%d|%d|%d|%d", 2 << l, a[0].dofs, a[1].dofs, a[2].dofs, a[3].dofs, a[4].dofs);
+        else paper_row(out, "%d^2|%d|%d|%d|%d|%d", 2 << l, a[0].dofs, a[1].dofs, a[2].dofs, a[3].dofs, a[4].dofs);
     }
     for (int l = 1; l < levels && what == 0; l++)
         paper_row(out, "rate to %d^2|%.2f|%.2f|%.2f|%.2f|%.2f", 2 << l, paper_rate(r[l - 1][0].error, r[l][0].error, 2),
@@ -126,10 +125,10 @@ static void print_comparison(paper *out, result (*r)[METHODS], int levels) {
               paper_rate(a[3].error, b[3].error, 2));
     paper_row(out, "condition IP p=1 / CG, finest|%.1f|higher than CG's|-", b[2].raw / b[0].raw);
     paper_row(out, "condition IP p=2 / CG, finest|%.1f|higher than CG's|-", b[4].raw / b[0].raw);
-    paper_row(out, "least eta of IP p=1, boundary factor 1 / 2|%.2f / %.2f|start low and double|1.27 / 0.95", least[0][0],
-              least[0][1]);
-    paper_row(out, "least eta of IP p=2, boundary factor 1 / 2|%.2f / %.2f|start low and double|4.30 / 2.92", least[1][0],
-              least[1][1]);
+    paper_row(out, "least eta of IP p=1, boundary factor 1 / 2|%.2f / %.2f|start low and double|1.27 / 0.95",
+              least[0][0], least[0][1]);
+    paper_row(out, "least eta of IP p=2, boundary factor 1 / 2|%.2f / %.2f|start low and double|4.30 / 2.92",
+              least[1][0], least[1][1]);
     paper_print(out);
 }
 

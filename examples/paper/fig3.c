@@ -1,6 +1,6 @@
 /* Fig. 3: from continuous elements to rigid cells. A bar of 4 x 1 x 1, held at x = 0, bends under its weight (E = 1,
-   nu = 0.3, rho g = 1e-3 along -z, linear elasticity). The penalty eta is a spring between elements relative to their own
-   stiffness, so the whole family appears as eta alone varies:
+   nu = 0.3, rho g = 1e-3 along -z, linear elasticity). The penalty eta is a spring between elements relative to their
+   own stiffness, so the whole family appears as eta alone varies:
 
      eta large: on tetrahedra BZ becomes the continuous linear element;
      eta small (the same as a very stiff material with soft glue): the cells stay rigid and the glue takes all strain,
@@ -166,8 +166,10 @@ int main(int argc, char **argv) {
     kuhn_free(&k);
     paper_table(out, "The same bar: continuous elements and IP with the default penalty", "method|tip");
     paper_row(out, "CG linear, 192 tetrahedra|%.4f", tetrahedra);
-    paper_row(out, "CG trilinear, 8 x 2 x 2 boxes|%.4f", continuous_tip(cg_boxes(vec3(0, 0, 0), vec3(4, 1, 1), 8, 2, 2)));
-    paper_row(out, "CG trilinear, 32 x 8 x 8 boxes|%.4f", continuous_tip(cg_boxes(vec3(0, 0, 0), vec3(4, 1, 1), 32, 8, 8)));
+    paper_row(out, "CG trilinear, 8 x 2 x 2 boxes|%.4f",
+              continuous_tip(cg_boxes(vec3(0, 0, 0), vec3(4, 1, 1), 8, 2, 2)));
+    paper_row(out, "CG trilinear, 32 x 8 x 8 boxes|%.4f",
+              continuous_tip(cg_boxes(vec3(0, 0, 0), vec3(4, 1, 1), 32, 8, 8)));
     for (int degree = 1; degree <= 3; degree++)
         paper_row(out, "IP p=%d, 8 x 2 x 2 boxes|%.4f", degree, default_tip(boxes(2), degree));
     double reference = default_tip(boxes(out->quick ? 3 : 4), 3);

@@ -1,9 +1,10 @@
-/* Fig. 4: integration over a polyhedron. The cube 0..2 without the corner (2,2,2), cut off through the middles of its edges:
-   the moments of dgfem_polyhedron_moments against sub-tetrahedra with Gauss points, voxels and random points. The paper
-   integrates x^2; x^2 y^2 z^2 is beside it because x^2 is easy for Gauss points.
+/* Fig. 4: integration over a polyhedron. The cube 0..2 without the corner (2,2,2), cut off through the middles of its
+   edges: the moments of dgfem_polyhedron_moments against sub-tetrahedra with Gauss points, voxels and random points.
+   The paper integrates x^2; x^2 y^2 z^2 is beside it because x^2 is easy for Gauss points.
 
-   Exact values: 203/20 for x^2. For x^2 y^2 z^2 the cube gives (8/3)^3 and the corner tetrahedron, with (2-r)(2-s)(2-t) for
-   xyz and int r^a s^b t^c = a! b! c! / (a+b+c+3)! over r + s + t <= 1, the polynomial that main() sums in integers. */
+   Exact values: 203/20 for x^2. For x^2 y^2 z^2 the cube gives (8/3)^3 and the corner tetrahedron, with (2-r)(2-s)(2-t)
+   for xyz and int r^a s^b t^c = a! b! c! / (a+b+c+3)! over r + s + t <= 1, the polynomial that main() sums in integers.
+   */
 #include "paper.h"
 
 typedef struct estimate {
@@ -27,7 +28,8 @@ static dgfem_polyhedron *cut_cube(void) {
     static const dgfem_vec3 vertices[10] = {{0, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 2, 0}, {0, 0, 2},
                                             {2, 0, 2}, {0, 2, 2}, {2, 2, 1}, {1, 2, 2}, {2, 1, 2}};
     static const int start[8] = {0, 4, 8, 12, 17, 22, 27, 30};
-    static const int loops[30] = {0, 3, 2, 1, 0, 1, 5, 4, 0, 4, 6, 3, 1, 2, 7, 9, 5, 2, 3, 6, 8, 7, 4, 5, 9, 8, 6, 7, 8, 9};
+    static const int loops[30] = {0, 3, 2, 1, 0, 1, 5, 4, 0, 4, 6, 3, 1, 2, 7,
+                                  9, 5, 2, 3, 6, 8, 7, 4, 5, 9, 8, 6, 7, 8, 9};
     dgfem_polyhedron_desc desc = dgfem_default_polyhedron_desc();
     dgfem_polyhedron *p;
     desc.vertices = vertices, desc.vertex_count = 10;
@@ -69,11 +71,6 @@ static void by_voxels(const dgfem_polyhedron *p, int n, estimate *out) {
         if (is_inside(x)) sample(&s, x, h * h * h);
     }
     out->first = s.first, out->second = s.second, out->points = (long)n * n * n;
-}
-
-static double random_number(unsigned long long *state) {
-    *state = *state * 6364136223846793005ull + 1442695040888963407ull;
-    return (double)(*state >> 11) / 9007199254740992.0;
 }
 
 static void by_chance(const dgfem_polyhedron *p, int n, estimate *out) {
@@ -148,7 +145,8 @@ int main(int argc, char **argv) {
     }
     paper_print(out);
     paper_table(out, "Random points", "n|points|microseconds|error of x^2|error of x^2 y^2 z^2");
-    for (int n = 10; n <= (out->quick ? 10000 : 1000000); n *= 10) e = measure(p, by_chance, n), print_row(out, "", n, &e);
+    for (int n = 10; n <= (out->quick ? 10000 : 1000000); n *= 10)
+        e = measure(p, by_chance, n), print_row(out, "", n, &e);
     paper_print(out);
     paper_table(out, "Fig. 4 row by row", "quantity|ours|paper|exact");
     paper_row(out, "integral of x^2|%.15g|exact up to round-off|203/20", best.first);

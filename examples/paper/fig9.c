@@ -1,5 +1,5 @@
-/* Fig. 9: locking. A unit cube of 5^3 cells with six tetrahedra each (750, all along the same diagonal) hangs from its top
-   face: E = 1, rho g = 1 along -z, linear elasticity, nu = 0.3 and 0.499. Linear continuous tetrahedra against IP.
+/* Fig. 9: locking. A unit cube of 5^3 cells with six tetrahedra each (750, all along the same diagonal) hangs from its
+   top face: E = 1, rho g = 1 along -z, linear elasticity, nu = 0.3 and 0.499. Linear continuous tetrahedra against IP.
 
    Bottom: mean vertical displacement of the bottom face.
    Asymmetry: largest minus smallest vertical displacement of the four bottom corners, divided by the size of their
@@ -103,10 +103,10 @@ static state hang_quarter(int n, double poisson) {
 }
 
 int main(int argc, char **argv) {
-    static const char *const names[CASES] = {"CG linear tetrahedra",        "CG, 10^3 cells (6000 tetrahedra)",
-                                             "IP p=1 split (default)",      "IP p=1 tensor",
-                                             "IP p=1 scalar (the paper's)", "IP p=2 split (default)",
-                                             "IP p=2 scalar",               "reference: IP p=3, a quarter in cubes"};
+    static const char *const names[CASES] = {
+        "CG linear tetrahedra", "CG, 10^3 cells (6000 tetrahedra)",     "IP p=1 split (default)",
+        "IP p=1 tensor",        "IP p=1 scalar (the paper's)",          "IP p=2 split (default)",
+        "IP p=2 scalar",        "reference: IP p=3, a quarter in cubes"};
     static const double nus[2] = {0.3, 0.499};
     program p = program_begin(argc, argv, "fig9 [--csv FILE] [--markdown] [--quick]");
     paper *out = paper_begin(&p);

@@ -1,12 +1,12 @@
 /* What the programs in this directory share: the library, tables, condition numbers, quadrature, meshes.
 
-   Each program repeats one experiment of P. Kaufmann, S. Martin, M. Botsch, M. Gross, "Flexible simulation of deformable
-   models using discontinuous Galerkin FEM" (2009), or one classical test, and prints tables:
+   Each program repeats one experiment of P. Kaufmann, S. Martin, M. Botsch, M. Gross, "Flexible simulation of
+   deformable models using discontinuous Galerkin FEM" (2009), or one classical test, and prints tables:
 
        fig2 [--csv FILE] [--markdown] [--quick]
 
-   --csv writes the tables as blocks for gnuplot (`index 0`, `index 1`, ...), --markdown prints them for RESULTS.md, --quick
-   leaves out the finest meshes. */
+   --csv writes the tables as blocks for gnuplot (`index 0`, `index 1`, ...), --markdown prints them for RESULTS.md,
+   --quick leaves out the finest meshes. */
 #ifndef PAPER_H
 #define PAPER_H
 
@@ -105,7 +105,8 @@ static inline void paper_row_v(paper *out, const char *format, va_list arguments
 #if defined(__GNUC__)
 __attribute__((format(printf, 2, 3)))
 #endif
-static inline void paper_row(paper *out, const char *format, ...) {
+static inline void
+paper_row(paper *out, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
     paper_row_v(out, format, arguments);
@@ -156,7 +157,8 @@ static inline void paper_print(paper *out) {
 #if defined(__GNUC__)
 __attribute__((format(printf, 1, 2)))
 #endif
-static inline void paper_note(const char *format, ...) {
+static inline void
+paper_note(const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
     printf("\n");
@@ -506,8 +508,10 @@ static inline void quadrature_tetrahedron(dgfem_vec3 a, dgfem_vec3 b, dgfem_vec3
             for (int k = 0; k < n; k++) {
                 double r = x[i], s = (1 - r) * x[j], q = (1 - r - s) * x[k];
                 double weight = w[i] * w[j] * w[k] * (1 - r) * (1 - r - s) * volume;
-                fn(user, vec3(a.x + r * u.x + s * v.x + q * t.x, a.y + r * u.y + s * v.y + q * t.y,
-                              a.z + r * u.z + s * v.z + q * t.z), weight);
+                fn(user,
+                   vec3(a.x + r * u.x + s * v.x + q * t.x, a.y + r * u.y + s * v.y + q * t.y,
+                        a.z + r * u.z + s * v.z + q * t.z),
+                   weight);
             }
 }
 
@@ -534,6 +538,39 @@ static inline dgfem_mesh *grid_mesh(dgfem_vec3 lower, dgfem_vec3 upper, int nx, 
     desc.hooks = paper_hooks();
     need(dgfem_mesh_create_grid(&desc, &mesh), "grid");
     return mesh;
+}
+
+/* 0 <= result < 1 */
+static inline double random_number(unsigned long long *state) {
+    *state = *state * 6364136223846793005ull + 1442695040888963407ull;
+    return (double)(*state >> 11) / 9007199254740992.0;
+}
+
+/* The unit cube: n^3 cubes cut by n planes through random points, in random directions; nothing snaps, so slivers come
+   about. Another sample gives other planes. */
+static inline dgfem_mesh *cut_cubes(int n, int sample) {
+    dgfem_mesh *mesh = grid_mesh(vec3(0, 0, 0), vec3(1, 1, 1), n, n, n);
+    unsigned long long state = 12 + (unsigned long long)sample;
+    (void)random_number(&state);
+    for (int cut = 0; cut < n; cut++) {
+        double v[6];
+        for (int i = 0; i < 6; i++) v[i] = random_number(&state) - (i < 3 ? 0.5 : 0);
+        double norm = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+        double offset = (v[0] * v[3] + v[1] * v[4] + v[2] * v[5]) / norm;
+        need(dgfem_mesh_split_plane(mesh, plane(v[0] / norm, v[1] / norm, v[2] / norm, offset), 0, NULL), "split");
+    }
+    return mesh;
+}
+
+/* Volume of the smallest element by that of the largest. */
+static inline double volume_ratio(const dgfem_mesh *mesh) {
+    double low = HUGE_VAL, high = 0;
+    for (int e = 0; e < mesh->element_count; e++) {
+        double volume = mesh->elements[e].volume;
+        if (volume < low) low = volume;
+        if (volume > high) high = volume;
+    }
+    return low / high;
 }
 
 /* A box of nx * ny * nz cells of six tetrahedra each, all along the same diagonal (Kuhn). */

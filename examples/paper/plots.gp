@@ -1,4 +1,4 @@
-# Plots of the paper's experiments from their CSV files: gnuplot -e "from='build/paper'; to='examples/pictures'" plots.gp
+# Plots of the paper's experiments from their CSV files: gnuplot -e "from='build/paper'; to='examples/paper/plots'" plots.gp
 # Each program's tables are blocks of its file, told by index.
 set datafile separator comma
 set grid lc rgb "#dddddd"
@@ -12,9 +12,9 @@ set linetype 4 lc rgb "#8a56a8" pt 11 lw 2
 set linetype 5 lc rgb "#b8860b" pt 13 lw 2
 set linetype 6 lc rgb "#555555" pt 2 lw 2
 file(name) = from . "/" . name . ".csv"
-picture(name) = to . "/paper_" . name . ".png"
-one = "pngcairo size 860,460 font 'sans,10'"
-two = "pngcairo size 1400,440 font 'sans,10'"
+picture(name) = to . "/" . name . ".png"
+one = "pngcairo size 800,430 font 'sans,10'"
+two = "pngcairo size 1040,350 font 'sans,9'"
 set format y "10^{%T}"
 
 set term @one
@@ -42,7 +42,9 @@ set term @two
 set output picture("fig3")
 set multiplot layout 1,2
 set logscale x 10
-set title "Fig. 3: from rigid cells (left) to continuous elements (right)"
+set format x "10^{%T}"
+set xtics 1e-4, 1e3
+set title "Fig. 3: from rigid cells (left) to CG (right)"
 set xlabel "penalty eta"
 set ylabel "tip displacement"
 plot file("fig3") index 0 using 1:(-column(2)) title "BZ, p = 1", \
@@ -54,6 +56,8 @@ set format y "%g"
 set ylabel "% of the energy in the elements"
 plot file("fig3") index 0 using 1:6 notitle
 unset multiplot
+set xtics autofreq
+set format x "%g"
 set logscale y
 set format y "10^{%T}"
 
@@ -98,6 +102,7 @@ set style data linespoints
 set xtics norotate
 
 set output picture("fig11")
+set yrange [1e2:*]
 set title "Fig. 11: a shrinking element"
 set xlabel "size of the innermost element"
 set ylabel "condition number"
@@ -109,6 +114,7 @@ plot file("fig11") index 0 using 1:5 title "p=1, global monomials", "" index 1 u
      "" index 0 using 1:3 title "p=1, centred, Jacobi", "" index 1 using 1:3 title "p=2, centred, Jacobi"
 
 set output picture("fig12")
+set yrange [*:*]
 set title "Fig. 12: a thin feature of height eps"
 set xlabel "eps"
 set format x "10^{%T}"
@@ -144,5 +150,37 @@ plot for [m=1:3] for [p=1:3] file("convergence") index m-1 using (column(2)==p ?
      lt p pt 3+2*m dt m title sprintf("%s p=%d", mesh[m], p)
 set title "BZ against IP on cubes"
 plot for [p=1:3] file("convergence") index 0 using (column(2)==p ? column(5) : 1/0):7 lt p title sprintf("IP p=%d", p), \
-     for [p=1:3] file("convergence") index 4 using (column(2)==p ? column(5) : 1/0):7 lt p dt 2 title sprintf("BZ p=%d", p)
+     for [p=1:3] file("convergence") index 4 using (column(2)==p ? column(5) : 1/0):7 lt p dt 2 title sprintf("BZ p=%d, eta 20", p), \
+     for [p=1:3] file("convergence") index 5 using (column(2)==p ? column(5) : 1/0):7 lt p dt 3 title sprintf("BZ p=%d, eta 2", p)
+unset multiplot
+
+set term @one
+set output picture("patch")
+unset logscale x
+set format x "%g"
+set xlabel "mesh"
+set ylabel "largest error"
+set title "Patch test on polyhedra with slivers, Vmin/Vmax < 1e-6"
+set style data points
+plot file("patch") index 0 using 0:4 title "p=1", "" index 0 using 0:5 title "p=2", "" index 0 using 0:6 title "p=3", \
+     1e-13 with lines lc rgb "#888888" dt 2 lw 1 title "1e-13"
+
+set term @two
+set output picture("spin")
+set multiplot layout 1,2
+set style data linespoints
+set logscale x 10
+set format x "10^{%T}"
+set xlabel "Young's modulus, Pa"
+set ylabel "% of angular momentum lost in 3 s"
+set title "Free spin, 16 boxes: angular momentum"
+step(k) = k == 1 ? "1/60" : "1/30"
+plot for [k=1:2] for [p=1:3] file("spin") index 0 using (column(1)==p && strcol(2) eq step(k) ? column(3) : 1/0):5 \
+     lt p dt k title sprintf("p=%d, h=%s", p, step(k)), 0.5 with lines lc rgb "#888888" dt 2 lw 1 title "0.5 %"
+set ylabel "% of the largest energy"
+set title "largest growth of the energy in a step"
+plot for [k=1:2] file("spin") index 0 using (column(1)==1 && strcol(2) eq step(k) ? column(3) : 1/0):6 \
+     lt 1 dt k title sprintf("first step, h=%s", step(k)), \
+     for [k=1:2] file("spin") index 0 using (column(1)==1 && strcol(2) eq step(k) ? column(3) : 1/0):7 \
+     lt 2 dt k title sprintf("later, h=%s", step(k)), 1 with lines lc rgb "#888888" dt 2 lw 1 title "1 %"
 unset multiplot

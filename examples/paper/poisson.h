@@ -1,6 +1,7 @@
 /* The Poisson problem -lap u = f in the unit square, u = g on its boundary, on n x n squares: discontinuous Galerkin
-   with polynomials of degree 1 or 2 (BZ, IP), eqs. (12) and (14) of the paper, and continuous bilinear elements. It uses
-   the library's block matrix and Cholesky factorization; integrals are by Gauss points, as f and g are any functions.
+   with polynomials of degree 1 or 2 (BZ, IP), eqs. (12) and (14) of the paper, and continuous bilinear elements. It
+   uses the library's block matrix and Cholesky factorization; integrals are by Gauss points, as f and g are any
+   functions.
 
    Penalties are eta / h on all edges. On the boundary an edge has only one side: v and u are one-sided there, the
    average is the value, and g enters the right-hand side, int (eta/h g v - g dv/dn). */
@@ -12,11 +13,11 @@
 typedef double (*plane_fn)(double x, double y);
 
 typedef struct poisson {
-    int n;             /* cells along each side */
-    int degree;        /* 1 or 2 */
-    int consistent;    /* 1: IP, 0: BZ */
+    int n;          /* cells along each side */
+    int degree;     /* 1 or 2 */
+    int consistent; /* 1: IP, 0: BZ */
     double eta;
-    double boundary;   /* factor of the penalty on the boundary */
+    double boundary; /* factor of the penalty on the boundary */
     plane_fn f, g, exact;
     dgfem_matrix *matrix;
     double *rhs, *x;

@@ -1,25 +1,32 @@
 #!/bin/sh
-# Runs the paper's experiments: tables and CSV files go to build/paper/, the plots to examples/pictures/paper_*.png, and
+# Runs the paper's experiments: tables and CSV files go to build/paper/, the plots to examples/paper/plots/, and
 # examples/paper/RESULTS.md is written anew. With --quick the finest meshes are left out and everything goes to
-# build/paper/. Run it from the top of the repository, after the programs are built into build/paper/.
+# build/paper/. With --page nothing is run: the page is written from the tables that are there. Run it from the top of
+# the repository, after the programs are built into build/paper/.
 set -u
 here=examples/paper
 work=build/paper
 page=$here/RESULTS.md
-pictures=examples/pictures
+pictures=$here/plots
 quick=
+run=1
 case ${1:-} in
-    --quick) quick=--quick page=$work/RESULTS.md pictures=$work ;;
+    --quick) quick=--quick page=$work/RESULTS.md pictures=$work/plots ;;
+    --page) run=0 ;;
     '') ;;
     *) sed -n '2,/^set/s/^# \{0,1\}//p' "$0" | grep -v ^set; exit 2 ;;
 esac
 mkdir -p "$work" "$pictures"
-programs='fig1 fig2 fig3 fig4 table1 fig9 cantilever fig11 fig12 cook convergence'
+programs='fig1 fig2 fig3 fig4 table1 fig9 cantilever fig11 fig12 cook convergence patch invariance spin'
 
 for program in $programs; do
+    [ $run = 1 ] || break
     echo "$program"
     # shellcheck disable=SC2086
-    "$work/$program" $quick --markdown --csv "$work/$program.csv" > "$work/$program.md" || { echo "$program failed"; exit 1; }
+    "$work/$program" $quick --markdown --csv "$work/$program.csv" > "$work/$program.md" || {
+        echo "$program failed"
+        exit 1
+    }
 done
 
 if command -v gnuplot > /dev/null; then
@@ -42,6 +49,9 @@ heading() {
         fig12) echo "Fig. 12: thin features" ;;
         cook) echo "Cook's membrane" ;;
         convergence) echo "Convergence" ;;
+        patch) echo "Patch test" ;;
+        invariance) echo "Objectivity, definiteness, place and units" ;;
+        spin) echo "Free spin" ;;
     esac
 }
 
@@ -58,7 +68,7 @@ section() {
     sed -n '1,/\*\/$/p' "$here/$1.c" | sed 's/^\/\* //; s/ *\*\/$//; s/^   //' > "$work/about.txt"
     printf '```text\n%s\n```\n\n' "$(cat "$work/about.txt")"
     split_page rows "$work/$1.md"
-    if [ -e "$pictures/paper_$1.png" ]; then printf '\n![%s](%s)\n' "$(heading "$1")" "$(picture_path "$1")"; fi
+    if [ -e "$pictures/$1.png" ]; then printf '\n![%s](plots/%s.png)\n' "$(heading "$1")" "$1"; fi
     split_page all "$work/$1.md" > "$work/all.txt"
     [ -s "$work/all.txt" ] || return 0
     printf '\n<details><summary>All figures</summary>\n\n'
@@ -66,19 +76,16 @@ section() {
     printf '\n</details>\n'
 }
 
-picture_path() {
-    if [ -n "$quick" ]; then echo "paper_$1.png"; else echo "../pictures/paper_$1.png"; fi
-}
-
 {
     cat << 'END'
 # The paper's experiments, repeated
 
 P. Kaufmann, S. Martin, M. Botsch, M. Gross, "Flexible simulation of deformable models using discontinuous Galerkin FEM"
-(2009), figure by figure, with two classical tests beside it. `make paper` runs everything and writes this page.
+(2009), figure by figure, and classical tests of a finite-element code beside it. `make paper` runs everything and
+writes this page. `--csv` and `--quick` are options of each program.
 
-Columns: *ours* is what the programs in this directory computed with `dgfem.h`; *paper* is what the paper says or prints (its
-plots give no numbers); *published* is a value from the literature, named in the section; *expected* is theory, or an
+Columns: *ours* is what the programs in this directory computed with `dgfem.h`; *paper* is what the paper says or prints
+(its plots give no numbers); *published* is a value from the literature, named in the section; *expected* is theory, or an
 independent calculation made before this library. CG are continuous, BZ and IP the paper's two discontinuous methods.
 END
     for program in $programs; do section "$program"; done

@@ -1,5 +1,5 @@
-/* Table 1: matrix sizes and times of one linear static solve of a cube: 10^3 cells with BZ and IP, linear and quadratic, and
-   trilinear continuous elements on 15^3 cells, which have as many unknowns as the linear ones.
+/* Table 1: matrix sizes and times of one linear static solve of a cube: 10^3 cells with BZ and IP, linear and
+   quadratic, and trilinear continuous elements on 15^3 cells, which have as many unknowns as the linear ones.
 
      share      numbers of the matrix that are not zero to round-off, of all size^2
      integrate  all element and face integrals, by moments (CG: 2^3 Gauss points)
@@ -78,14 +78,13 @@ static figures measure(const row *r, int cells) {
 }
 
 int main(int argc, char **argv) {
-    static const row rows[] = {
-        {"BZ linear", DGFEM_FLUX_BZ, DGFEM_PENALTY_SCALAR, 1, 0.28, 532, 22, 656},
-        {"IP linear", DGFEM_FLUX_IP, DGFEM_PENALTY_SCALAR, 1, 0.62, 1437, 87, 734},
-        {"CG trilinear", DGFEM_FLUX_IP, DGFEM_PENALTY_SCALAR, 0, 0.58, 3750, 41, 641},
-        {"BZ quadratic", DGFEM_FLUX_BZ, DGFEM_PENALTY_SCALAR, 2, 0.28, 3062, 152, 7797},
-        {"IP quadratic", DGFEM_FLUX_IP, DGFEM_PENALTY_SCALAR, 2, 0.64, 8344, 621, 8484},
-        {"IP linear, split penalty", DGFEM_FLUX_IP, DGFEM_PENALTY_SPLIT, 1, 0, 0, 0, 0},
-        {"IP quadratic, split penalty", DGFEM_FLUX_IP, DGFEM_PENALTY_SPLIT, 2, 0, 0, 0, 0}};
+    static const row rows[] = {{"BZ linear", DGFEM_FLUX_BZ, DGFEM_PENALTY_SCALAR, 1, 0.28, 532, 22, 656},
+                               {"IP linear", DGFEM_FLUX_IP, DGFEM_PENALTY_SCALAR, 1, 0.62, 1437, 87, 734},
+                               {"CG trilinear", DGFEM_FLUX_IP, DGFEM_PENALTY_SCALAR, 0, 0.58, 3750, 41, 641},
+                               {"BZ quadratic", DGFEM_FLUX_BZ, DGFEM_PENALTY_SCALAR, 2, 0.28, 3062, 152, 7797},
+                               {"IP quadratic", DGFEM_FLUX_IP, DGFEM_PENALTY_SCALAR, 2, 0.64, 8344, 621, 8484},
+                               {"IP linear, split penalty", DGFEM_FLUX_IP, DGFEM_PENALTY_SPLIT, 1, 0, 0, 0, 0},
+                               {"IP quadratic, split penalty", DGFEM_FLUX_IP, DGFEM_PENALTY_SPLIT, 2, 0, 0, 0, 0}};
     enum { ROWS = sizeof rows / sizeof *rows };
     program p = program_begin(argc, argv, "table1 [--csv FILE] [--markdown] [--quick]");
     paper *out = paper_begin(&p);

@@ -49,6 +49,7 @@
 #define dgfem_body_create dgfem_body_create_float
 #define dgfem_embedding_create dgfem_embedding_create_float
 #define dgfem_skin_create dgfem_skin_create_float
+#define dgfem_surface_create dgfem_surface_create_float
 #endif
 
 /* ---- basic types --------------------------------------------------------------------------------------------- */
@@ -160,7 +161,8 @@ DGFEM_API dgfem_points_out dgfem_points_out_vec3(dgfem_vec3 *data, int count);
 /* ---- rotations ----------------------------------------------------------------------------------------------- */
 
 /* The rotation R of the polar decomposition F = R S, det R = +1, also for inverted F. Where F is too close to
-   singular to have one (sigma_2 + sigma_3 < 1e-6 sigma_1), `fallback` is returned (pass the last rotation). */
+   singular to have one (sigma_2 + sigma_3 <= 1e-6 sigma_1, in float 1e-4 sigma_1), `fallback` is returned (pass the
+   last rotation). */
 DGFEM_API dgfem_mat3 dgfem_rotation_of(dgfem_mat3 f, dgfem_mat3 fallback);
 
 /* Eigenvalues, ascending, and the matching unit eigenvectors (columns, right-handed) of a symmetric matrix. */
@@ -524,7 +526,7 @@ typedef enum dgfem_flux {
 } dgfem_flux;
 
 typedef enum dgfem_penalty {
-    DGFEM_PENALTY_SPLIT,  /* stiff on the jump's projection to degree p-1, soft (shear modulus) on the rest: no locking */
+    DGFEM_PENALTY_SPLIT,  /* stiff on the jump's projection to degree p-1, soft (mu) on the rest: no locking */
     DGFEM_PENALTY_TENSOR, /* mu I + (lambda + mu) n n^T on the whole jump */
     DGFEM_PENALTY_SCALAR  /* (lambda + 2 mu) on the whole jump, as the paper; locks for p = 1 */
 } dgfem_penalty;
@@ -544,7 +546,8 @@ typedef struct dgfem_body_desc {
     dgfem_real eta_rest;             /* split: factor of the rest of the jump; default 0.5 */
     dgfem_vec3 gravity;              /* default 0 0 -9.81 m/s^2 */
     dgfem_real damping_mass;         /* Rayleigh alpha, 1/s; default 0 */
-    dgfem_real damping_stiffness;    /* Rayleigh beta, s; default 0 */
+    dgfem_real damping_stiffness;    /* Rayleigh beta, s; default 0. Acts on velocities as stiffness on displacements:
+                                        it brakes rigid turning, and takes moving fixtures to stand still */
     int warp;                        /* 1: stiffness warping (default); 0: linear elasticity */
     dgfem_solver solver;             /* default Cholesky */
     dgfem_real solver_tolerance;     /* of PCG; default 1e-6 (float: 1e-4) */
@@ -557,7 +560,8 @@ typedef struct dgfem_step_info {
     int sweeps;               /* static solve: solves with new rotations */
     int contacts;             /* contact points that were active */
     int failed_element;       /* whose pivot was not positive, or DGFEM_NONE */
-    dgfem_real residual;      /* of PCG; static solve: last relative change of the displacement */
+    dgfem_real residual;      /* of PCG; static solve: last relative change of the displacement, without warping the
+                                 relative residual of the linear system */
     double seconds_assemble, seconds_contact, seconds_factor, seconds_solve; /* 0 without a clock */
 } dgfem_step_info;
 
@@ -566,7 +570,7 @@ typedef void (*dgfem_displacement_fn)(void *user, dgfem_vec3 rest, dgfem_vec3 *d
 
 typedef struct dgfem_static_desc {
     unsigned cookie;
-    int load_steps;         /* default 1 */
+    int load_steps;         /* loads and all prescribed displacements grow in equal steps from none; default 1 */
     int max_sweeps;         /* per load step; default 60 */
     dgfem_real tolerance;   /* on the change of the displacement relative to its size; default 1e-9 (float: 1e-4) */
 } dgfem_static_desc;
@@ -641,6 +645,9 @@ typedef struct dgfem_shape {
     dgfem_shape_desc desc;
 } dgfem_shape;
 
+/* Signed distance of x from the shape, positive where a body may be, and the unit direction in which it grows. */
+DGFEM_API dgfem_real dgfem_shape_distance(const dgfem_shape *shape, dgfem_vec3 x, dgfem_vec3 *normal);
+
 typedef struct dgfem_forms dgfem_forms;     /* precomputed integrals, opaque */
 typedef struct dgfem_contacts dgfem_contacts;
 
@@ -660,8 +667,11 @@ typedef struct dgfem_body {
     int basis_count;           /* sum over all elements; unknowns = 3 * basis_count */
     dgfem_vec3 *displacement;  /* [basis_count] coefficients */
     dgfem_vec3 *velocity;      /* [basis_count] coefficients */
-    dgfem_vec3 *force;         /* [basis_count] sum of tractions, forces and body forces; without gravity and pressure */
+    dgfem_vec3 *force;         /* [basis_count] sum of tractions, forces and body forces; no gravity, no pressure */
     dgfem_mat3 *rotation;      /* [element_count] as of the last step or solve */
+    int *family;               /* [element_count] or NULL: elements that refinement made of one have the same number; else DGFEM_NONE */
+    int *family_parent;        /* [family_count] the number that the split element had */
+    int family_count;
     int condition_count, condition_capacity, next_id;
     dgfem_condition *conditions;
     int shape_count, shape_capacity;
@@ -700,8 +710,8 @@ DGFEM_API dgfem_status dgfem_body_fix_normal(dgfem_body *body, const int *faces,
 DGFEM_API dgfem_status dgfem_body_move_fixture(dgfem_body *body, int id, dgfem_vec3 displacement);
 DGFEM_API dgfem_status dgfem_body_resample_fixture(dgfem_body *body, int id);
 
-/* Holds all unknowns of elements, exactly, at their current values; move_elements gives them the affine displacement
-   u(x) = translation + linear * x, reached at the end of the next step. */
+/* Holds all unknowns of elements, exactly, at their current values; none may be given twice. move_elements gives them
+   the affine displacement u(x) = translation + linear * x, reached at the end of the next step. */
 DGFEM_API dgfem_status dgfem_body_fix_elements(dgfem_body *body, const int *elements, int element_count, int *id);
 DGFEM_API dgfem_status dgfem_body_move_elements(dgfem_body *body, int id, dgfem_mat3 linear, dgfem_vec3 translation);
 
@@ -710,7 +720,8 @@ DGFEM_API dgfem_status dgfem_body_move_elements(dgfem_body *body, int id, dgfem_
 DGFEM_API dgfem_status dgfem_body_pin(dgfem_body *body, int element, dgfem_vec3 rest, dgfem_real stiffness, int *id);
 DGFEM_API dgfem_status dgfem_body_drag(dgfem_body *body, int id, dgfem_vec3 place);
 
-/* Loads: traction (N/m^2), pressure (N/m^2, positive pushes inward), body force (N/m^3), force (N) at a material point. */
+/* Loads: traction (N/m^2), pressure (N/m^2, positive pushes inward), body force (N/m^3), force (N) at a material point
+   of an element. */
 DGFEM_API dgfem_status dgfem_body_set_traction(dgfem_body *body, const int *faces, int face_count, dgfem_vec3 traction,
                                                int *id);
 DGFEM_API dgfem_status dgfem_body_set_pressure(dgfem_body *body, const int *faces, int face_count, dgfem_real pressure,
@@ -735,12 +746,13 @@ DGFEM_API dgfem_status dgfem_body_set_contact_points(dgfem_body *body, dgfem_poi
 DGFEM_API dgfem_status dgfem_body_step(dgfem_body *body, dgfem_real dt, dgfem_step_info *info);
 
 /* Static equilibrium of loads and fixtures (contact takes no part): with warping, repeated solves with new rotations.
-   Velocities become zero. DGFEM_ERROR_NOT_CONVERGED leaves the body as it was. */
+   Velocities become zero. On failure the body stays as it was. DGFEM_ERROR_UNCONSTRAINED where the conditions leave a
+   piece of the body free to move or turn as a rigid one. */
 DGFEM_API dgfem_status dgfem_body_solve_static(dgfem_body *body, const dgfem_static_desc *desc, dgfem_step_info *info);
 
 /* Changes the polynomial degree of one element, or of all ([element_count]). The state is kept exactly where the degree
-   is raised and projected (L2, momentum kept) where it is lowered; integrals of what did not change are kept. Held faces
-   keep their prescribed polynomial: call resample_fixture for more of a function. On failure nothing has changed. */
+   is raised and projected (L2, momentum kept) where it is lowered; integrals of what did not change are kept. Held
+   faces keep their prescribed polynomial: call resample_fixture for more of a function. On failure nothing has changed. */
 DGFEM_API dgfem_status dgfem_body_set_degree(dgfem_body *body, int element, int degree);
 DGFEM_API dgfem_status dgfem_body_set_degrees(dgfem_body *body, const int *degrees);
 
@@ -760,14 +772,27 @@ DGFEM_API dgfem_status dgfem_body_find_eta(dgfem_body *body, dgfem_real *eta);
 
 /* ---- state of a body ---- */
 
+/* Questions that cannot be answered (no such element or face, a position that is not finite) are logged and get zero,
+   or for gradients and rotations the identity; without a body everything is zero. */
+
 /* Displacement, velocity and deformation gradient of an element's polynomial at a rest position (inside or not). */
 DGFEM_API dgfem_vec3 dgfem_body_displacement(const dgfem_body *body, int element, dgfem_vec3 rest);
 DGFEM_API dgfem_vec3 dgfem_body_velocity(const dgfem_body *body, int element, dgfem_vec3 rest);
 DGFEM_API dgfem_mat3 dgfem_body_gradient(const dgfem_body *body, int element, dgfem_vec3 rest); /* I + grad u */
 
-/* Cauchy stress (Pa, world axes) of the element's polynomial at a rest position; strain is taken in the element's
-   rotated frame, so that rigid motion gives none. */
+/* Strain, and Cauchy stress (Pa), of the element's polynomial at a rest position, in world axes; both are taken in the
+   element's rotated frame, so that rigid motion gives none. The mean_ functions give the means over the element. */
+DGFEM_API dgfem_mat3 dgfem_body_strain(const dgfem_body *body, int element, dgfem_vec3 rest);
 DGFEM_API dgfem_mat3 dgfem_body_stress(const dgfem_body *body, int element, dgfem_vec3 rest);
+DGFEM_API dgfem_mat3 dgfem_body_mean_strain(const dgfem_body *body, int element);
+DGFEM_API dgfem_mat3 dgfem_body_mean_stress(const dgfem_body *body, int element);
+
+/* Principal stresses, ascending, and their unit directions (columns, right-handed; may be NULL), of the stress at a rest
+   position and of an element's mean stress. */
+DGFEM_API void dgfem_body_principal_stress(const dgfem_body *body, int element, dgfem_vec3 rest, dgfem_real values[3],
+                                           dgfem_mat3 *directions);
+DGFEM_API void dgfem_body_mean_principal_stress(const dgfem_body *body, int element, dgfem_real values[3],
+                                                dgfem_mat3 *directions);
 
 DGFEM_API dgfem_mat3 dgfem_body_rotation(const dgfem_body *body, int element);
 
@@ -781,14 +806,23 @@ DGFEM_API dgfem_status dgfem_body_set_affine_velocity(dgfem_body *body, dgfem_ma
 
 typedef struct dgfem_energy {
     dgfem_real kinetic;
-    dgfem_real elastic; /* elements and glue, in rotated frames; fixtures included */
-    dgfem_real gravity; /* potential, zero at the rest position's origin */
+    dgfem_real elastic; /* elements and glue, in rotated frames; held faces included, springs of pins not */
+    dgfem_real gravity; /* potential - m g . x of all mass: zero for mass at the world's origin */
 } dgfem_energy;
 
 DGFEM_API dgfem_status dgfem_body_energy(const dgfem_body *body, dgfem_energy *out);
+
+/* Linear momentum, and angular momentum about the world's origin; either may be NULL. */
 DGFEM_API dgfem_status dgfem_body_momentum(const dgfem_body *body, dgfem_vec3 *linear, dgfem_vec3 *angular);
 DGFEM_API dgfem_real dgfem_body_mass(const dgfem_body *body);
-DGFEM_API dgfem_real dgfem_body_volume(const dgfem_body *body); /* deformed: sum over elements of integral det F, p = 1 exact */
+
+/* The consistent mass matrix of an element, int density N_i N_j, row-major; out[n * n] for an element of n basis
+   functions. The body's is block diagonal: each entry stands for three equal ones, one per component. */
+DGFEM_API dgfem_status dgfem_body_element_mass(const dgfem_body *body, int element, dgfem_real *out);
+
+
+/* Deformed volume: sum of the elements' integrals of det F, exact for degree 1. */
+DGFEM_API dgfem_real dgfem_body_volume(const dgfem_body *body);
 
 /* Internal elastic force on every coefficient (what static equilibrium balances), for the current displacement:
    out[basis_count]. */
@@ -815,6 +849,18 @@ typedef struct dgfem_skin {
     int *triangles;
     int *corner_start;     /* [vertex_count + 1] into corners; NULL without triangles, as normals and triangles */
     int *corners;          /* positions in `triangles` at which each vertex appears */
+
+    /* What cuts have changed. Vertices keep their index, new ones are appended; a triangle that was split leaves one
+       part in its place, the other parts and the walls of the cut are appended. */
+    int original_vertex_count, original_triangle_count; /* as created */
+    int cut_count;
+    int *parents;              /* two of each new vertex, of lower index, that any attribute can be had from: */
+    dgfem_real *parent_weight; /* (1 - weight) * first + weight * second; DGFEM_NONE inside walls: none */
+    int *source;               /* [triangle_count] original triangle; DGFEM_NONE for walls */
+    int *wall;                 /* [triangle_count] 0; +k or -k for a wall of cut number k >= 1 on the side its normal pointed to, or behind */
+    int *weld;                 /* [vertex_count] lowest vertex that is the same point of the surface: pieces are closed in these */
+    dgfem_vec3 *anchors;       /* [vertex_count] rest position inside the material that a vertex belongs to */
+
     dgfem_embedding *embedding;
     dgfem_vec3 *sample_displacement;
     dgfem_hooks hooks;
@@ -824,9 +870,185 @@ DGFEM_API dgfem_skin_desc dgfem_default_skin_desc(void);
 DGFEM_API dgfem_status dgfem_skin_create(const dgfem_body *body, const dgfem_skin_desc *desc, dgfem_skin **out);
 DGFEM_API void dgfem_skin_destroy(dgfem_skin *skin);
 
+/* New weights after the body's topology has changed in another way than by a cut: refined, merged, other degrees.
+   Vertices and triangles stay. On failure nothing has changed. */
+DGFEM_API dgfem_status dgfem_skin_renew(dgfem_skin *skin, const dgfem_body *body);
+
 /* Moves the skin with the body; nothing is allocated. DGFEM_ERROR_REVISION when the body's topology has changed. */
 DGFEM_API dgfem_status dgfem_skin_update(dgfem_skin *skin, const dgfem_body *body);
 
 /* Copies the result into the caller's (strided) buffers, in the caller's vertex order. */
 DGFEM_API dgfem_status dgfem_skin_positions(const dgfem_skin *skin, dgfem_points_out out);
 DGFEM_API dgfem_status dgfem_skin_normals(const dgfem_skin *skin, dgfem_points_out out);
+
+/* The exact boundary of the elements as triangles: boundary faces, and cut faces once for each side. Watertight where
+   elements are glued, open where they are cut. A vertex stands at the mean of its elements' polynomials, eq. (30).
+   Between walls and the outside, and where faces meet by more than 60 degrees at rest, edges are sharp: each side has
+   vertices of its own, at the same place. */
+typedef struct dgfem_surface {
+    int vertex_count, triangle_count;
+    dgfem_vec3 *positions; /* as of the last update */
+    dgfem_vec3 *normals;   /* unit, angle-weighted; zero where no triangle has area */
+    int *triangles;        /* three vertices each, counter-clockwise from outside */
+    int *element;          /* [triangle_count] */
+    int *face;             /* [triangle_count] of the mesh */
+    int *source;           /* [triangle_count] tag of that face */
+    int *wall;             /* [triangle_count] 1: a cut face, or a boundary face without tag where others have one */
+    int *corner_start;     /* [vertex_count + 1] into corners */
+    int *corners;          /* positions in `triangles` at which each vertex appears */
+    int *sample;           /* [vertex_count] sample of the embedding; vertices that share one stay together */
+    dgfem_embedding *embedding; /* its samples are the corners; it has no points */
+    dgfem_vec3 *sample_displacement;
+    dgfem_hooks hooks;
+} dgfem_surface;
+
+DGFEM_API dgfem_status dgfem_surface_create(const dgfem_body *body, dgfem_surface **out);
+DGFEM_API void dgfem_surface_destroy(dgfem_surface *surface);
+
+/* Moves the surface with the body; nothing is allocated. DGFEM_ERROR_REVISION when the body's topology has changed:
+   make a new one then. */
+DGFEM_API dgfem_status dgfem_surface_update(dgfem_surface *surface, const dgfem_body *body);
+
+/* Copies the result into the caller's (strided) buffers. */
+DGFEM_API dgfem_status dgfem_surface_positions(const dgfem_surface *surface, dgfem_points_out out);
+DGFEM_API dgfem_status dgfem_surface_normals(const dgfem_surface *surface, dgfem_points_out out);
+
+/* ---- cutting ------------------------------------------------------------------------------------------------- */
+
+/* A cut opens because the glue between elements is gone, nothing else: the field stays as it is, elements that the blade
+   passes are split and both parts keep their polynomial. Materials, tags, conditions and loads stay on the parts. Blades
+   are given in world space and meet the body as it is now. On failure nothing has changed; a cut that succeeds raises
+   the body's revision. */
+typedef struct dgfem_cut_desc {
+    unsigned cookie;
+    dgfem_real snap;     /* an element of which less than this times its radius lies beyond the blade stays whole; default 1e-3 */
+    dgfem_real smallest; /* the same as a length (m): the larger one counts; default 0 */
+    dgfem_real sliver;   /* a part below this times its largest neighbour, in volume or (cubed) thickness, is merged into one
+                            that it is glued to; 0: none; default 1e-3 */
+    dgfem_skin *const *skins; /* render meshes, up to date with the body, that are cut along with it; or NULL */
+    int skin_count;
+} dgfem_cut_desc;
+
+typedef struct dgfem_cut_info {
+    int elements_split;
+    int faces_cut;      /* that were glued; 0: the blade missed, and nothing has changed */
+    int slivers_merged;
+} dgfem_cut_info;
+
+DGFEM_API dgfem_cut_desc dgfem_default_cut_desc(void);
+
+/* Cuts along a whole plane. desc (NULL: the default) and info may be NULL. */
+DGFEM_API dgfem_status dgfem_body_cut_plane(dgfem_body *body, dgfem_plane plane, const dgfem_cut_desc *desc,
+                                            dgfem_cut_info *info);
+
+/* Cuts inside a planar polygon, convex or not, in either sense. Elements that it meets are split along its plane, and
+   stay glued outside of it. Refuses polygons of fewer than three vertices, without area, bent or crossing themselves. */
+DGFEM_API dgfem_status dgfem_body_cut_polygon(dgfem_body *body, dgfem_points_in polygon, const dgfem_cut_desc *desc,
+                                              dgfem_cut_info *info);
+
+/* Cuts along triangles (three vertex indices each, in either sense), one after the other: a surface, or the area that a
+   moving edge has swept. Triangles without area cut nothing. */
+DGFEM_API dgfem_status dgfem_body_cut_surface(dgfem_body *body, dgfem_points_in vertices, const int *triangles,
+                                              int triangle_count, const dgfem_cut_desc *desc, dgfem_cut_info *info);
+
+/* A connected part of a body: elements held together by glue. */
+typedef struct dgfem_piece {
+    int element_count;
+    dgfem_real volume; /* at rest, m^3 */
+    dgfem_real mass;
+    dgfem_vec3 centre;   /* of mass, in the world */
+    dgfem_vec3 momentum; /* kg m/s */
+    dgfem_vec3 spin;     /* angular momentum about the centre of mass, kg m^2/s */
+} dgfem_piece;
+
+/* Numbers the pieces in the order of their first elements: piece_of[element_count] (may be NULL) receives the piece of
+   each element, pieces (may be NULL) the first `capacity` of them, *count their number. */
+DGFEM_API dgfem_status dgfem_body_pieces(const dgfem_body *body, int *piece_of, dgfem_piece *pieces, int capacity,
+                                         int *count);
+
+/* ---- refining, coarsening, breaking -------------------------------------------------------------------------- */
+
+/* What is to become of an element. Splitting and raising leave the field as it is; merging and lowering project it (L2),
+   which keeps momentum, and leaves it as it is where the result can represent it. */
+typedef enum dgfem_refine_action {
+    DGFEM_REFINE_NONE,
+    DGFEM_REFINE_EIGHT, /* split by three planes through the centroid, half way between opposite sides; what is not a
+                           hexahedron, by DGFEM_REFINE_TWO. Sides that smaller neighbours have divided count as whole */
+    DGFEM_REFINE_TWO,   /* split by the plane through the centroid across the principal stress of largest magnitude */
+    DGFEM_REFINE_RAISE, /* degree + 1 */
+    DGFEM_REFINE_LOWER, /* degree - 1 */
+    DGFEM_REFINE_MERGE  /* undo a split: done where all elements that came of it are to be merged, none has been split
+                           again, none is held, and their degree, material and conditions are the same. What is cut
+                           stays apart */
+} dgfem_refine_action;
+
+typedef struct dgfem_refine_desc {
+    unsigned cookie;
+    dgfem_refine_action how;  /* EIGHT (default), TWO or RAISE: for elements whose stress is above `refine_above`, */
+    dgfem_real refine_above;  /* Pa: the largest magnitude among the principal stresses of the element's mean stress;
+                                 default infinity: none */
+    dgfem_real merge_below;   /* Pa: elements below are merged (how RAISE: lowered); at most refine_above; default 0: none */
+    dgfem_real smallest;      /* m: elements whose parts' mean volume would be below its cube stay whole; default 0 */
+    int highest_degree;       /* RAISE goes no further; default 3 */
+    int lowest_degree;        /* nor LOWER; default 1 */
+    dgfem_refine_action (*choose)(void *user, const dgfem_body *body, int element, dgfem_refine_action proposed);
+                              /* NULL, or decides instead; proposed: what the stress says */
+    void *user;
+} dgfem_refine_desc;
+
+typedef struct dgfem_refine_info {
+    int elements_split;       /* that became several */
+    int elements_merged;      /* that vanished into another */
+    int degrees_raised, degrees_lowered;
+    dgfem_real largest_stress; /* of all elements before the call, Pa */
+} dgfem_refine_info;
+
+DGFEM_API dgfem_refine_desc dgfem_default_refine_desc(void);
+
+/* One round: no element is split twice. Neighbours may differ by any number of splits. Materials, tags, conditions and
+   loads stay where they are. body->family remembers what was split. A round that does nothing leaves the revision as it
+   is; on failure nothing has changed. info may be NULL. */
+DGFEM_API dgfem_status dgfem_body_refine(dgfem_body *body, const dgfem_refine_desc *desc, dgfem_refine_info *info);
+
+/* Merges every element below `ratio` times its largest glued neighbour, in volume or (cubed) thickness, 0 <= ratio < 1,
+   into the neighbour with which it shares the largest glued area and no cut face; material, degree and conditions of both
+   must be the same. The union's field is the L2 projection. *merged (may be NULL) counts the elements that vanished; 0:
+   nothing has changed. */
+DGFEM_API dgfem_status dgfem_body_merge_slivers(dgfem_body *body, dgfem_real ratio, int *merged);
+
+typedef struct dgfem_fracture_desc {
+    unsigned cookie;
+    dgfem_real strength;         /* > 0, Pa: normal traction at which glue breaks; default infinity: never */
+    const dgfem_real *strengths; /* [element_count] or NULL: `strength` everywhere. Between two elements the weaker counts */
+    dgfem_real toughness;        /* J/m^2: energy that a new crack costs per area; default 0 */
+    int split;                   /* 1: elements may break inside; default 0 */
+    dgfem_real smallest;         /* m: elements whose parts' mean volume would be below its cube do not; default 0 */
+    dgfem_real sliver;           /* as in dgfem_cut_desc, for the parts of elements that were split; default 1e-3 */
+    int max_breaks;              /* per call; default INT_MAX */
+} dgfem_fracture_desc;
+
+typedef struct dgfem_fracture_info {
+    int faces_broken;         /* new faces inside elements included */
+    int elements_split;
+    int slivers_merged;
+    dgfem_real largest_ratio; /* of normal traction to strength, over all glued faces, before the call */
+} dgfem_fracture_info;
+
+DGFEM_API dgfem_fracture_desc dgfem_default_fracture_desc(void);
+
+/* Breaks the glue of faces between elements where the peak normal traction reaches the strength; those first where it
+   exceeds it most, at most max_breaks. The traction is the mean of both sides' stresses, each turned with its element, on
+   the face's normal in the world; the peak is the largest of its values at the face's vertices and centre. Compression
+   and shear alone break nothing.
+
+   With a toughness G > 0 the face must also release enough energy: the part of the two elements' energy that its
+   traction (t_n normal, t_s along it, at the centre) does, if it were uniaxial, per area,
+     sum over both sides of (t_n^2 / 2E + t_s^2 / 2mu) * (volume / area of the element's side),   at least G.
+
+   With `split`, an element whose largest principal stress (mean, tensile) reaches its strength, but of whose faces none
+   breaks, is split by the plane through its centroid across that stress, and the new face breaks; the energy is that of
+   the whole element.
+
+   Call it after each step; cracks advance by one element a call, stress having found its new way in between. A call that
+   breaks nothing leaves the revision as it is; on failure nothing has changed. info may be NULL. */
+DGFEM_API dgfem_status dgfem_body_fracture(dgfem_body *body, const dgfem_fracture_desc *desc, dgfem_fracture_info *info);

@@ -55,8 +55,8 @@ static dgfem_status dgfemi_check_material(const dgfem_hooks *hooks, const dgfem_
         return dgfemi_fail(hooks, DGFEM_ERROR_MATERIAL, "element %d: Young's modulus %g, expected > 0", element,
                            (double)m->young);
     if (!(m->poisson > -1 && m->poisson < DGFEM_R(0.5)))
-        return dgfemi_fail(hooks, DGFEM_ERROR_MATERIAL, "element %d: Poisson's ratio %g, expected in (-1, 0.5)", element,
-                           (double)m->poisson);
+        return dgfemi_fail(hooks, DGFEM_ERROR_MATERIAL, "element %d: Poisson's ratio %g, expected in (-1, 0.5)",
+                           element, (double)m->poisson);
     if (!(m->density > 0) || !dgfemi_is_finite(m->density))
         return dgfemi_fail(hooks, DGFEM_ERROR_MATERIAL, "element %d: density %g, expected > 0", element,
                            (double)m->density);
@@ -73,6 +73,16 @@ static dgfem_status dgfemi_check_positive(const dgfem_hooks *hooks, dgfem_real v
     return dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "%s is %g, expected > 0", what, (double)value);
 }
 
+/* A descriptor given to a living body, whose log can be trusted. */
+static dgfem_status dgfemi_check_desc(const dgfem_hooks *hooks, const void *desc, unsigned cookie, const char *what) {
+    dgfem_status status = dgfemi_check_cookie(desc, cookie);
+    return status ? dgfemi_fail(hooks, status, "%s", what) : DGFEM_OK;
+}
+
+static dgfem_status dgfemi_check_out(const dgfem_hooks *hooks, const void *out, const char *what) {
+    return out ? DGFEM_OK : dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "%s: out is NULL", what);
+}
+
 static dgfem_status dgfemi_check_body_scalars(const dgfem_body_desc *desc) {
     const dgfem_hooks *hooks = &desc->hooks;
     dgfem_status status = dgfemi_check_positive(hooks, desc->eta, "eta");
@@ -84,8 +94,8 @@ static dgfem_status dgfemi_check_body_scalars(const dgfem_body_desc *desc) {
         status = dgfemi_fail(hooks, DGFEM_ERROR_NOT_FINITE, "gravity (%g, %g, %g)", (double)desc->gravity.x,
                              (double)desc->gravity.y, (double)desc->gravity.z);
     if (!status && desc->solver_iterations < 1)
-        status = dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "solver_iterations is %d, expected >= 1",
-                             desc->solver_iterations);
+        status =
+            dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "solver_iterations is %d, expected >= 1", desc->solver_iterations);
     if (!status && (desc->flux != DGFEM_FLUX_IP && desc->flux != DGFEM_FLUX_BZ))
         status = dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "unknown flux %d", (int)desc->flux);
     if (!status && ((int)desc->penalty < 0 || desc->penalty > DGFEM_PENALTY_SCALAR))
@@ -136,21 +146,32 @@ static int dgfemi_body_allocate_state(dgfem_body *body) {
 }
 
 static void dgfemi_body_set_elements(dgfem_body *body, const dgfem_body_desc *desc) {
-    int start = 0;
     for (int e = 0; e < desc->mesh->element_count; e++) {
         body->degree[e] = desc->degrees ? desc->degrees[e] : desc->degree;
         body->material[e] = desc->materials ? desc->materials[e] : desc->material;
         body->origin[e] = desc->mesh->elements[e].centre;
         body->scale[e] = desc->mesh->elements[e].radius;
         body->rotation[e] = dgfemi_identity();
-        body->basis_start[e] = start;
-        start += dgfem_monomial_count(body->degree[e]);
     }
-    body->basis_start[desc->mesh->element_count] = start;
-    body->basis_count = start;
 }
 
-/* The block matrix of the element graph: elements coupled through glued faces. */
+/* basis_start and basis_count from the degrees. The unknowns, three per function, are counted in int. */
+static dgfem_status dgfemi_body_count_basis(dgfem_body *body) {
+    int start = 0;
+    for (int e = 0; e < body->mesh->element_count; e++) {
+        int count = dgfem_monomial_count(body->degree[e]);
+        if (start > INT_MAX / 3 - count)
+            return dgfemi_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "element %d makes more than INT_MAX unknowns", e);
+        body->basis_start[e] = start;
+        start += count;
+    }
+    body->basis_start[body->mesh->element_count] = start;
+    body->basis_count = start;
+    return DGFEM_OK;
+}
+
+/* The block matrix of the element graph: elements coupled through glued faces. Like all that the creating functions
+   call here, it leaves the log line for DGFEM_ERROR_MEMORY to them, so that there is one. */
 static dgfem_status dgfemi_body_create_matrix(dgfem_body *body) {
     const dgfem_mesh *mesh = body->mesh;
     dgfemi_arena arena = dgfemi_arena_make(&body->hooks);
@@ -163,17 +184,23 @@ static dgfem_status dgfemi_body_create_matrix(dgfem_body *body) {
         for (int f = 0; f < mesh->face_count; f++) {
             const dgfem_face *face = &mesh->faces[f];
             if (face->element[1] == DGFEM_NONE || face->cut) continue;
-            pairs[2 * desc.pair_count] = face->element[0];
-            pairs[2 * desc.pair_count++ + 1] = face->element[1];
+            pairs[2 * (size_t)desc.pair_count] = face->element[0];
+            pairs[2 * (size_t)desc.pair_count + 1] = face->element[1];
+            desc.pair_count++;
         }
         desc.block_count = mesh->element_count;
         desc.block_sizes = sizes;
         desc.pairs = pairs;
         desc.centres = body->origin;
         desc.hooks = body->hooks;
+        desc.hooks.log = NULL;
         status = dgfem_matrix_create(&desc, &body->matrix);
+        if (!status) body->matrix->hooks.log = body->hooks.log;
     }
     dgfemi_arena_free(&arena);
+    if (status && status != DGFEM_ERROR_MEMORY)
+        return dgfemi_fail(&body->hooks, status, "matrix of %d elements and %d faces", mesh->element_count,
+                           mesh->face_count);
     return status;
 }
 
@@ -184,25 +211,36 @@ static dgfem_vec3 *dgfemi_work(const dgfem_body *body, int k) {
     return (dgfem_vec3 *)(void *)body->work + (size_t)k * (size_t)body->basis_count;
 }
 
-static dgfem_status dgfemi_body_create_solver(dgfem_body *body) {
+/* What a solver of the body's matrix needs. */
+static dgfem_status dgfemi_body_create_factor(dgfem_body *body) {
     size_t vectors = DGFEMI_WORK_COUNT * 3 * (size_t)body->basis_count;
-    dgfem_status status = dgfemi_body_create_matrix(body);
-    if (status) return status;
+    dgfem_status status = DGFEM_OK;
     if (body->desc.solver == DGFEM_SOLVER_PCG) {
         vectors += dgfem_pcg_work_size(body->matrix);
     } else {
         dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
         desc.hooks = body->hooks;
+        desc.hooks.log = NULL;
         status = dgfem_cholesky_create(body->matrix, &desc, &body->cholesky);
-        if (status) return status;
+        if (status == DGFEM_ERROR_MEMORY) return status;
+        if (status)
+            return dgfemi_fail(&body->hooks, status, "Cholesky factor of %d elements", body->mesh->element_count);
+        body->cholesky->hooks.log = body->hooks.log;
     }
     body->work = (dgfem_real *)dgfemi_allocate(&body->hooks, vectors, sizeof(dgfem_real));
     return body->work ? DGFEM_OK : DGFEM_ERROR_MEMORY;
 }
 
+static dgfem_status dgfemi_body_create_solver(dgfem_body *body) {
+    dgfem_status status = dgfemi_body_create_matrix(body);
+    return status ? status : dgfemi_body_create_factor(body);
+}
+
 static dgfem_status dgfemi_body_build(dgfem_body *body, const dgfem_body_desc *desc) {
     if (!dgfemi_body_allocate(body, desc->mesh->element_count)) return DGFEM_ERROR_MEMORY;
     dgfemi_body_set_elements(body, desc);
+    dgfem_status status = dgfemi_body_count_basis(body);
+    if (status) return status;
     if (!dgfemi_body_allocate_state(body)) return DGFEM_ERROR_MEMORY;
     body->forms = dgfemi_forms_create(body);
     if (!body->forms) return DGFEM_ERROR_MEMORY;
@@ -229,6 +267,8 @@ static void dgfemi_body_free(dgfem_body *body) {
     dgfemi_free(&hooks, body->displacement);
     dgfemi_free(&hooks, body->velocity);
     dgfemi_free(&hooks, body->force);
+    dgfemi_free(&hooks, body->family);
+    dgfemi_free(&hooks, body->family_parent);
     dgfemi_free(&hooks, body->work);
     dgfemi_forms_destroy(body->forms, &hooks);
     dgfemi_contacts_destroy(body->contacts);
@@ -238,10 +278,10 @@ static void dgfemi_body_free(dgfem_body *body) {
 }
 
 DGFEM_API dgfem_status dgfem_body_create(const dgfem_body_desc *desc, dgfem_body **out) {
-    if (!out) return DGFEM_ERROR_ARGUMENT;
-    *out = NULL;
+    if (out) *out = NULL;
     dgfem_status status = dgfemi_check_cookie(desc, desc ? desc->cookie : 0);
     if (status) return status;
+    if (!out) return dgfemi_fail(&desc->hooks, DGFEM_ERROR_ARGUMENT, "body: out is NULL");
     status = dgfemi_check_body_desc(desc);
     if (status) return status;
     dgfem_body *body = (dgfem_body *)dgfemi_allocate_zero(&desc->hooks, 1, sizeof *body);

@@ -204,8 +204,7 @@ static dgfem_status dgfemi_contacts_renew(const dgfem_contacts *old, const dgfem
 
 /* ---- one contact ---- */
 
-/* Signed distance of x from the shape, positive where the body may be, and the direction in which it grows. */
-static dgfem_real dgfemi_shape_distance(const dgfem_shape *shape, dgfem_vec3 x, dgfem_vec3 *normal) {
+DGFEM_API dgfem_real dgfem_shape_distance(const dgfem_shape *shape, dgfem_vec3 x, dgfem_vec3 *normal) {
     const dgfem_shape_desc *desc = &shape->desc;
     if (shape->kind == DGFEM_SHAPE_PLANE) {
         dgfem_real length = dgfemi_norm(desc->plane.normal);
@@ -233,7 +232,7 @@ static int dgfemi_contact_is_active(const dgfem_shape *shape, dgfem_vec3 x, dgfe
                                     dgfem_real dt, dgfemi_contact *contact) {
     dgfem_vec3 relative = dgfemi_sub(v, shape->desc.velocity);
     dgfem_real delay = dt;
-    contact->depth = -dgfemi_shape_distance(shape, x, &contact->normal);
+    contact->depth = -dgfem_shape_distance(shape, x, &contact->normal);
     if (contact->depth > 0) {
         relative = dgfemi_add_scaled(relative, dt, gravity);
         delay += shape->desc.damping;

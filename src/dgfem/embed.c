@@ -700,9 +700,10 @@ static dgfem_status dgfemi_embedding_read_points(dgfem_embedding *embedding, con
     return DGFEM_OK;
 }
 
-/* Samples, locations and weights, with temporary memory from the arena. 1 on success, 0 when out of memory. */
+/* Samples, locations and weights, with temporary memory from the arena. homes[p]: the element from which point p is
+   reached, wherever it lies; DGFEM_NONE: the nearest one; homes may be NULL. 1 on success, 0 when out of memory. */
 static int dgfemi_embedding_build(dgfemi_arena *arena, const dgfem_body *body, const dgfem_corners *corners,
-                                  dgfem_embedding *embedding) {
+                                  const int *homes, dgfem_embedding *embedding) {
     dgfemi_locator locator;
     dgfemi_sampling sampling;
     dgfemi_query query;
@@ -718,9 +719,11 @@ static int dgfemi_embedding_build(dgfemi_arena *arena, const dgfem_body *body, c
     enlarge = (char *)dgfemi_arena_allocate(arena, (size_t)embedding->sample_count, 1);
     if (!windows || !open || !enlarge) return 0;
     for (int p = 0; p < embedding->point_count; p++) {
-        dgfemi_location location = dgfemi_locate(&locator, embedding->points[p]);
+        dgfem_vec3 x = embedding->points[p];
+        dgfemi_location location = homes && homes[p] != DGFEM_NONE ? dgfemi_locate_in(body->mesh, homes[p], x)
+                                                                   : dgfemi_locate(&locator, x);
         embedding->point_element[p] = location.element;
-        windows[p] = dgfemi_window_position(body->mesh, &location, embedding->points[p]);
+        windows[p] = dgfemi_window_position(body->mesh, &location, x);
     }
     dgfemi_enlarge_windows(&query, embedding, windows, open, enlarge);
     return dgfemi_embedding_weigh(&query, embedding, windows);
@@ -751,8 +754,8 @@ static dgfem_embedding *dgfemi_embedding_new(const dgfem_body *body, const dgfem
     return embedding;
 }
 
-static dgfem_status dgfemi_embedding_create(const dgfem_body *body, const dgfem_points_in *points,
-                                            const dgfem_hooks *hooks, dgfem_embedding **out) {
+static dgfem_status dgfemi_embedding_create_at(const dgfem_body *body, const dgfem_points_in *points, const int *homes,
+                                               const dgfem_hooks *hooks, dgfem_embedding **out) {
     dgfem_embedding *embedding = dgfemi_embedding_new(body, hooks);
     dgfem_corners *corners = NULL;
     dgfemi_arena arena = dgfemi_arena_make(hooks);
@@ -760,7 +763,7 @@ static dgfem_status dgfemi_embedding_create(const dgfem_body *body, const dgfem_
     if (!embedding) return dgfemi_fail_memory(hooks);
     status = dgfemi_embedding_read_points(embedding, points);
     if (status == DGFEM_OK) status = dgfem_mesh_corners(body->mesh, &corners);
-    if (status == DGFEM_OK && !dgfemi_embedding_build(&arena, body, corners, embedding))
+    if (status == DGFEM_OK && !dgfemi_embedding_build(&arena, body, corners, homes, embedding))
         status = dgfemi_fail_memory(hooks);
     dgfemi_arena_free(&arena);
     dgfem_corners_destroy(corners);
@@ -770,6 +773,11 @@ static dgfem_status dgfemi_embedding_create(const dgfem_body *body, const dgfem_
     }
     *out = embedding;
     return DGFEM_OK;
+}
+
+static dgfem_status dgfemi_embedding_create(const dgfem_body *body, const dgfem_points_in *points,
+                                            const dgfem_hooks *hooks, dgfem_embedding **out) {
+    return dgfemi_embedding_create_at(body, points, NULL, hooks, out);
 }
 
 DGFEM_API dgfem_status dgfem_embedding_create(const dgfem_body *body, dgfem_points_in points, dgfem_embedding **out) {

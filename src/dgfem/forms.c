@@ -14,18 +14,20 @@
 
    Functions of degree zero have no gradient, so j >= 1 in G and q. */
 
-enum { DGFEM_CHUNK_SIZES = 32 }; /* 3 of elements, 9 of glued faces, 3 of held faces, each with or without tractions */
+/* Different sizes of chunks, for degrees 1 to 3: elements have 3, held faces 3, glued faces 9 (one per pair of degrees,
+   in either order). The flux decides for the whole body whether faces have tractions. */
+enum { DGFEM_CHUNK_SIZES = 16 };
 
 typedef struct dgfemi_chunks {
     size_t *data;
     int count, capacity;
 } dgfemi_chunks;
 
-/* The integrals live in chunks of one pool. Chunks have few sizes (one per degree, one per pair of degrees), so a freed
-   chunk waits for the next of its size. */
+/* The integrals of all elements and faces live in one array, each in a chunk of it. As there are few sizes of chunks, a
+   chunk that is given back is kept for the next of its size: the array only grows. */
 typedef struct dgfemi_chunk_bin {
     size_t size;
-    dgfemi_chunks free; /* offsets */
+    dgfemi_chunks free; /* offsets of the chunks given back */
 } dgfemi_chunk_bin;
 
 typedef struct dgfemi_element_form {
@@ -35,16 +37,16 @@ typedef struct dgfemi_element_form {
 
 typedef struct dgfemi_face_form {
     int face;
-    int element[2];        /* element[1] is DGFEM_NONE on a held face */
-    int count[2];          /* functions of each side; count[1] of the ghost on a held face */
-    size_t data;           /* chunk: P, Q [(count[0] + count[1])^2] each, q^0, q^1 [(count[0] + count[1]) * (count[s] - 1)]
+    int element[2]; /* element[1] is DGFEM_NONE on a held face */
+    int count[2];   /* functions of each side; count[1] of the ghost on a held face */
+    size_t data;    /* chunk: P, Q [(count[0] + count[1])^2] each, q^0, q^1 [(count[0] + count[1]) * (count[s] - 1)]
                               vectors where there are tractions, ghost [count[1]] vectors on a held face */
-    dgfem_real eta_stiff;  /* eta0 p^2 g_f */
-    dgfem_real eta_rest;   /* eta_r p^2 g_f */
-    dgfem_real weight;     /* of the average: 1/2, on a held face 1 */
-    int consistent;        /* 1: IP, 0: BZ, whose forms have no tractions */
-    int normal_only;       /* held face: 1: only the component along the rest normal is held */
-    int condition;         /* held face: id of the condition that holds it, else DGFEM_NONE */
+    dgfem_real eta_stiff; /* eta0 p^2 g_f */
+    dgfem_real eta_rest;  /* eta_r p^2 g_f */
+    dgfem_real weight;    /* of the average: 1/2, on a held face 1 */
+    int consistent;       /* 1: IP, 0: BZ, whose forms have no tractions */
+    int normal_only;      /* held face: 1: only the component along the rest normal is held */
+    int condition;        /* held face: id of the condition that holds it, else DGFEM_NONE */
 } dgfemi_face_form;
 
 struct dgfem_forms {
@@ -166,8 +168,8 @@ static void dgfemi_moments_loops(const dgfem_mesh *mesh, const dgfem_face *face,
 }
 
 /* out[i] = integral of monomial i of (x - centre)/scale over the element. */
-static void dgfemi_element_moments(const dgfem_mesh *mesh, int element, int degree, dgfem_vec3 centre,
-                                   dgfem_real scale, dgfem_real *out) {
+static void dgfemi_element_moments(const dgfem_mesh *mesh, int element, int degree, dgfem_vec3 centre, dgfem_real scale,
+                                   dgfem_real *out) {
     const dgfem_element *e = &mesh->elements[element];
     dgfemi_moments moments;
     dgfemi_moments_begin_volume(&moments, degree, centre, scale);
@@ -189,7 +191,7 @@ static void dgfemi_mesh_face_moments(const dgfem_mesh *mesh, int face, int degre
 
 /* ---- elements ---- */
 
-/* G_ij[a][b] = int d_a N_i d_b N_j: the product of two derivatives is again one monomial, so each entry is one moment. */
+/* G_ij[a][b] = int d_a N_i d_b N_j: the product of two derivatives is one monomial again, so each entry is a moment. */
 static void dgfemi_element_stiffness(int count, dgfem_real scale, const dgfem_real *moments, dgfem_real *out) {
     dgfem_real inverse = 1 / (scale * scale);
     for (int i = 1; i < count; i++)
@@ -223,8 +225,9 @@ static int dgfemi_forms_set_element(const dgfem_body *body, dgfem_forms *forms, 
 /* ---- faces ---- */
 
 /* Total area of the element's faces in the plane of `face` with the same outward normal. The penalty is scaled by this
-   patch, not by the face, so that dividing a face changes nothing. On the boundary, a smooth surface in triangles is one
-   patch too: its faces count by how far they look the same way, or the bound on eta would grow with their number. */
+   patch, not by the face, so that dividing a face changes nothing. On the boundary, a smooth surface in triangles is
+   one patch too: its faces count by how far they look the same way, or the bound on eta would grow with their number.
+   */
 static dgfem_real dgfemi_patch_area(const dgfem_mesh *mesh, int element, int face) {
     const dgfem_real tolerance = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-6);
     const dgfem_element *e = &mesh->elements[element];
@@ -248,15 +251,17 @@ static dgfem_real dgfemi_patch_area(const dgfem_mesh *mesh, int element, int fac
     return area;
 }
 
+#define DGFEM_MAX_PLANE_BASIS 10 /* in-plane monomials up to DGFEM_MAX_DEGREE */
+
 /* Everything about one face in monomials about its own centre, while its integrals are computed. */
 typedef struct dgfemi_face_frame {
-    int degree;                 /* the larger of both sides */
-    int count;                  /* monomials up to degree */
+    int degree; /* the larger of both sides */
+    int count;  /* monomials up to degree */
     dgfem_vec3 centre;
     dgfem_real scale;
-    dgfem_vec3 axis[2];         /* in-plane principal axes, divided by the scaled radius of gyration along each */
-    dgfem_real moments[DGFEM_MAX_MOMENTS]; /* scaled, up to 2 * degree */
-    int sides;                  /* functions of both sides */
+    dgfem_vec3 axis[2]; /* in-plane principal axes, divided by the scaled radius of gyration along each */
+    dgfem_real moments[DGFEM_MAX_MOMENTS];                      /* scaled, up to 2 * degree */
+    int sides;                                                  /* functions of both sides */
     dgfem_real jump[2 * DGFEM_MAX_BASIS][DGFEM_MAX_BASIS];      /* J_i in face monomials */
     dgfem_real jump_gram[2 * DGFEM_MAX_BASIS][DGFEM_MAX_BASIS]; /* int J_i m_k */
 } dgfemi_face_frame;
@@ -271,9 +276,9 @@ static dgfem_real dgfemi_face_radius(const dgfem_mesh *mesh, const dgfem_face *f
     return largest;
 }
 
-/* The face's axes of inertia and extents make the projection's basis well conditioned on thin faces. */
-static void dgfemi_face_axes(dgfemi_face_frame *frame, dgfem_vec3 normal) {
-    const dgfem_real *m = frame->moments;
+/* The face's principal axes, each divided by the radius of gyration along it, from its moments up to degree 2: they
+   make polynomials on a thin face well conditioned. */
+static void dgfemi_face_axes(const dgfem_real *m, dgfem_vec3 normal, dgfem_vec3 axis[2]) {
     dgfem_mat3 inertia, vectors;
     dgfem_real values[3], area = m[0];
     inertia.m[0][0] = m[4], inertia.m[1][1] = m[7], inertia.m[2][2] = m[9];
@@ -281,12 +286,12 @@ static void dgfemi_face_axes(dgfemi_face_frame *frame, dgfem_vec3 normal) {
     inertia.m[0][2] = inertia.m[2][0] = m[6];
     inertia.m[1][2] = inertia.m[2][1] = m[8];
     dgfem_eigen_symmetric(inertia, values, &vectors);
-    frame->axis[0] = dgfemi_column(&vectors, 2);
-    frame->axis[0] = dgfemi_normalized(dgfemi_add_scaled(frame->axis[0], -dgfemi_dot(frame->axis[0], normal), normal));
-    frame->axis[1] = dgfemi_cross(normal, frame->axis[0]);
+    axis[0] = dgfemi_column(&vectors, 2);
+    axis[0] = dgfemi_normalized(dgfemi_add_scaled(axis[0], -dgfemi_dot(axis[0], normal), normal));
+    axis[1] = dgfemi_cross(normal, axis[0]);
     for (int k = 0; k < 2; k++) {
         dgfem_real gyration = dgfemi_sqrt(dgfemi_max(values[2 - k], 0) / area);
-        if (gyration > DGFEM_EPSILON) frame->axis[k] = dgfemi_scale(1 / gyration, frame->axis[k]);
+        if (gyration > DGFEM_EPSILON) axis[k] = dgfemi_scale(1 / gyration, axis[k]);
     }
 }
 
@@ -309,7 +314,7 @@ static void dgfemi_face_frame_set(const dgfem_body *body, const dgfemi_face_form
     frame->centre = face->centre;
     frame->scale = dgfemi_face_radius(body->mesh, face);
     dgfemi_mesh_face_moments(body->mesh, form->face, 2 * frame->degree, frame->centre, frame->scale, frame->moments);
-    dgfemi_face_axes(frame, face->normal);
+    dgfemi_face_axes(frame->moments, face->normal, frame->axis);
     dgfemi_face_side(frame, 0, body->degree[a], body->origin[a], body->scale[a], 1);
     if (b != DGFEM_NONE) dgfemi_face_side(frame, form->count[0], body->degree[b], body->origin[b], body->scale[b], -1);
     else dgfemi_face_side(frame, form->count[0], frame->degree, frame->centre, frame->scale, -1);
@@ -332,64 +337,50 @@ static void dgfemi_face_jump_products(const dgfemi_face_frame *frame, dgfem_real
         }
 }
 
-/* The in-plane monomials (axis0 . x)^i (axis1 . x)^j, i + j <= degree - 1, in face monomials; returns their number. */
-static int dgfemi_face_projection_basis(const dgfemi_face_frame *frame, dgfem_real basis[6][DGFEM_MAX_BASIS]) {
-    dgfem_real linear[2][3];
-    memset(basis, 0, 6 * sizeof basis[0]);
+/* The in-plane monomials u^i v^j, u = axis[0] . m and v = axis[1] . m, i + j <= degree, written in face monomials m: by
+   degree, then i descending. Returns their number. */
+static int dgfemi_plane_basis(const dgfem_vec3 axis[2], int degree,
+                              dgfem_real basis[DGFEM_MAX_PLANE_BASIS][DGFEM_MAX_BASIS]) {
+    int count = 1;
+    memset(basis, 0, DGFEM_MAX_PLANE_BASIS * sizeof basis[0]);
     basis[0][0] = 1;
-    if (frame->degree == 1) return 1;
-    for (int k = 0; k < 2; k++) {
-        linear[k][0] = frame->axis[k].x, linear[k][1] = frame->axis[k].y, linear[k][2] = frame->axis[k].z;
-        for (int a = 0; a < 3; a++) basis[1 + k][1 + a] = linear[k][a];
+    for (int p = 1; p <= degree; p++) {
+        int lower = count - p, lower_count = dgfem_monomial_count(p - 1); /* the monomials of degree p - 1 */
+        for (int j = 0; j <= p; j++, count++) {                           /* u^(p-j) v^j = u or v times one of those */
+            const dgfem_real *factor = basis[j < p ? lower + j : lower + p - 1];
+            for (int k = 0; k < lower_count; k++)
+                for (int a = 0; a < 3; a++)
+                    basis[count][dgfemi_product_index(k, 1 + a)] += factor[k] * dgfemi_axis(axis[j == p], a);
+        }
     }
-    if (frame->degree == 2) return 3;
-    for (int pair = 0; pair < 3; pair++) {
-        const dgfem_real *u = linear[pair == 2], *v = linear[pair != 0];
-        for (int a = 0; a < 3; a++)
-            for (int b = 0; b < 3; b++) basis[3 + pair][dgfemi_product_index(1 + a, 1 + b)] += u[a] * v[b];
-    }
-    return 6;
+    return count;
 }
 
 /* P_ij = R^T Gm^-1 R with R = int b J, Gm = int b b^T. Functions that a thin face cannot tell apart are dropped. */
 static void dgfemi_face_projection(const dgfemi_face_frame *frame, dgfem_real *out) {
-    dgfem_real basis[6][DGFEM_MAX_BASIS], r[6][2 * DGFEM_MAX_BASIS], gram[6][6];
-    int count = dgfemi_face_projection_basis(frame, basis), sides = frame->sides;
+    dgfem_real basis[DGFEM_MAX_PLANE_BASIS][DGFEM_MAX_BASIS];
+    dgfem_real r[DGFEM_MAX_PLANE_BASIS * 2 * DGFEM_MAX_BASIS], gram[DGFEM_MAX_PLANE_BASIS * DGFEM_MAX_PLANE_BASIS];
+    int count = dgfemi_plane_basis(frame->axis, frame->degree - 1, basis), sides = frame->sides;
     for (int m = 0; m < count; m++) {
         for (int i = 0; i < sides; i++) {
-            r[m][i] = 0;
-            for (int k = 0; k < frame->count; k++) r[m][i] += basis[m][k] * frame->jump_gram[i][k];
+            r[m * sides + i] = 0;
+            for (int k = 0; k < frame->count; k++) r[m * sides + i] += basis[m][k] * frame->jump_gram[i][k];
         }
         for (int l = 0; l <= m; l++) {
-            gram[m][l] = 0;
+            gram[m * count + l] = 0;
             for (int k = 0; k < frame->count; k++)
                 for (int j = 0; j < frame->count; j++) {
                     if (basis[m][k] == 0 || basis[l][j] == 0) continue;
-                    gram[m][l] += basis[m][k] * basis[l][j] * frame->moments[dgfemi_product_index(k, j)];
+                    gram[m * count + l] += basis[m][k] * basis[l][j] * frame->moments[dgfemi_product_index(k, j)];
                 }
         }
     }
-    memset(out, 0, (size_t)(sides * sides) * sizeof(dgfem_real));
-    for (int m = 0; m < count; m++) { /* Cholesky by rows, r becomes L^-1 R on the way */
-        dgfem_real norm = gram[m][m];
-        for (int l = 0; l < m; l++) {
-            for (int k = 0; k < l; k++) gram[m][l] -= gram[m][k] * gram[l][k];
-            gram[m][l] = gram[l][l] > 0 ? gram[m][l] / gram[l][l] : 0;
-            gram[m][m] -= gram[m][l] * gram[m][l];
-        }
-        if (!(gram[m][m] > 1000 * DGFEM_EPSILON * norm)) {
-            gram[m][m] = 0;
-            continue;
-        }
-        gram[m][m] = dgfemi_sqrt(gram[m][m]);
-        for (int i = 0; i < sides; i++) {
-            for (int l = 0; l < m; l++)
-                if (gram[l][l] > 0) r[m][i] -= gram[m][l] * r[l][i];
-            r[m][i] /= gram[m][m];
-        }
+    dgfemi_cholesky_dropping(gram, count);
+    dgfemi_forward_dense(gram, count, r, sides);
+    memset(out, 0, (size_t)sides * (size_t)sides * sizeof(dgfem_real));
+    for (int m = 0; m < count; m++)
         for (int i = 0; i < sides; i++)
-            for (int j = 0; j < sides; j++) out[i * sides + j] += r[m][i] * r[m][j];
-    }
+            for (int j = 0; j < sides; j++) out[i * sides + j] += r[m * sides + i] * r[m * sides + j];
 }
 
 /* q_ij = int J_i grad N_j for the functions of one side that starts at `first` with `sign` in the jump. */
@@ -403,8 +394,8 @@ static void dgfemi_face_tractions(const dgfemi_face_frame *frame, int first, int
                 for (int k = 1; k < frame->count; k++) {
                     int lower = dgfemi_derivative_index(k, axis);
                     if (lower == DGFEM_NONE) continue;
-                    q[axis] += (dgfem_real)dgfemi_exponents[k][axis] * frame->jump[first + j][k] *
-                               frame->jump_gram[i][lower];
+                    q[axis] +=
+                        (dgfem_real)dgfemi_exponents[k][axis] * frame->jump[first + j][k] * frame->jump_gram[i][lower];
                 }
                 q[axis] *= sign / frame->scale;
             }
@@ -421,13 +412,18 @@ static dgfem_real dgfemi_face_penalty(const dgfem_mesh *mesh, const dgfemi_face_
     return g + dgfemi_patch_area(mesh, b, form->face) / mesh->elements[b].volume;
 }
 
+static void dgfemi_form_set_counts(const dgfem_body *body, dgfemi_face_form *form) {
+    int a = form->element[0], b = form->element[1];
+    form->count[0] = dgfem_monomial_count(body->degree[a]);
+    form->count[1] = dgfem_monomial_count(body->degree[b == DGFEM_NONE ? a : b]);
+}
+
 /* Fills in the integrals of a face whose members face, element, consistent, normal_only and condition are set. 0 when
    out of memory. */
 static int dgfemi_forms_set_face(const dgfem_body *body, dgfem_forms *forms, dgfemi_face_form *form) {
     dgfemi_face_frame frame;
-    int a = form->element[0], b = form->element[1];
-    form->count[0] = dgfem_monomial_count(body->degree[a]);
-    form->count[1] = dgfem_monomial_count(body->degree[b == DGFEM_NONE ? a : b]);
+    int b = form->element[1];
+    dgfemi_form_set_counts(body, form);
     if (!dgfemi_forms_take(forms, &body->hooks, dgfemi_face_form_size(form), &form->data)) return 0;
     dgfemi_face_frame_set(body, form, &frame);
     size_t square = dgfemi_form_sides(form) * dgfemi_form_sides(form);
@@ -440,8 +436,7 @@ static int dgfemi_forms_set_face(const dgfem_body *body, dgfem_forms *forms, dgf
         if (dgfemi_form_has_traction(form, s))
             dgfemi_face_tractions(&frame, s ? form->count[0] : 0, form->count[s], s ? DGFEM_R(-1) : DGFEM_R(1),
                                   dgfemi_form_traction(forms, form, s));
-    if (b == DGFEM_NONE)
-        memset(dgfemi_form_ghost(forms, form), 0, (size_t)form->count[1] * sizeof(dgfem_vec3));
+    if (b == DGFEM_NONE) memset(dgfemi_form_ghost(forms, form), 0, (size_t)form->count[1] * sizeof(dgfem_vec3));
     dgfem_real penalty = dgfemi_face_penalty(body->mesh, form) * (dgfem_real)(frame.degree * frame.degree);
     form->eta_stiff = body->desc.eta * penalty;
     form->eta_rest = body->desc.eta_rest * penalty;
@@ -449,9 +444,7 @@ static int dgfemi_forms_set_face(const dgfem_body *body, dgfem_forms *forms, dgf
     return 1;
 }
 
-/* A new face form, integrals included; its index, or DGFEM_NONE when out of memory. */
-static int dgfemi_forms_add_face(const dgfem_body *body, dgfem_forms *forms, int face, int condition,
-                                 int normal_only) {
+static dgfemi_face_form dgfemi_face_form_make(const dgfem_body *body, int face, int condition, int normal_only) {
     const dgfem_face *f = &body->mesh->faces[face];
     dgfemi_face_form form;
     memset(&form, 0, sizeof form);
@@ -460,9 +453,15 @@ static int dgfemi_forms_add_face(const dgfem_body *body, dgfem_forms *forms, int
     form.consistent = body->desc.flux == DGFEM_FLUX_IP;
     form.normal_only = normal_only;
     form.condition = condition;
+    return form;
+}
+
+/* A new face form, integrals included; its index, or DGFEM_NONE when out of memory. */
+static int dgfemi_forms_add_face(const dgfem_body *body, dgfem_forms *forms, int face, int condition, int normal_only) {
+    dgfemi_face_form form = dgfemi_face_form_make(body, face, condition, normal_only);
     if (forms->face_count == forms->face_capacity) {
-        void *grown = dgfemi_grow(&body->hooks, forms->faces, &forms->face_capacity, forms->face_count + 1,
-                                  sizeof *forms->faces);
+        void *grown =
+            dgfemi_grow(&body->hooks, forms->faces, &forms->face_capacity, forms->face_count + 1, sizeof *forms->faces);
         if (!grown) return DGFEM_NONE;
         forms->faces = (dgfemi_face_form *)grown;
     }
@@ -482,18 +481,41 @@ static void dgfemi_forms_remove_condition(dgfem_forms *forms, const dgfem_hooks 
     forms->face_count = kept;
 }
 
+static int dgfemi_face_is_glued(const dgfem_face *face) { return face->element[1] != DGFEM_NONE && !face->cut; }
+
+/* Room for exactly the elements and glued faces of a body. 0 when out of memory. */
+static int dgfemi_forms_reserve(const dgfem_body *body, dgfem_forms *forms) {
+    const dgfem_mesh *mesh = body->mesh;
+    size_t size = 0;
+    int faces = 0;
+    for (int e = 0; e < mesh->element_count; e++)
+        size += dgfemi_element_form_size(dgfem_monomial_count(body->degree[e]));
+    for (int f = 0; f < mesh->face_count; f++) {
+        if (!dgfemi_face_is_glued(&mesh->faces[f])) continue;
+        dgfemi_face_form form = dgfemi_face_form_make(body, f, DGFEM_NONE, 0);
+        dgfemi_form_set_counts(body, &form);
+        size += dgfemi_face_form_size(&form);
+        faces++;
+    }
+    forms->elements =
+        (dgfemi_element_form *)dgfemi_allocate(&body->hooks, (size_t)mesh->element_count, sizeof *forms->elements);
+    forms->faces = (dgfemi_face_form *)dgfemi_allocate(&body->hooks, (size_t)faces, sizeof *forms->faces);
+    forms->data = (dgfem_real *)dgfemi_allocate(&body->hooks, size, sizeof *forms->data);
+    if (!forms->elements || !forms->faces || !forms->data) return 0;
+    forms->face_capacity = faces;
+    forms->data_capacity = size;
+    return 1;
+}
+
 /* Integrals of all elements and glued faces; NULL when out of memory. */
 static dgfem_forms *dgfemi_forms_create(const dgfem_body *body) {
     const dgfem_mesh *mesh = body->mesh;
     dgfem_forms *forms = (dgfem_forms *)dgfemi_allocate_zero(&body->hooks, 1, sizeof *forms);
     if (!forms) return NULL;
-    int ok = 1;
-    forms->elements = (dgfemi_element_form *)dgfemi_allocate(&body->hooks, (size_t)mesh->element_count,
-                                                             sizeof *forms->elements);
-    if (!forms->elements) ok = 0;
+    int ok = dgfemi_forms_reserve(body, forms);
     for (int e = 0; ok && e < mesh->element_count; e++) ok = dgfemi_forms_set_element(body, forms, e);
     for (int f = 0; ok && f < mesh->face_count; f++)
-        if (mesh->faces[f].element[1] != DGFEM_NONE && !mesh->faces[f].cut)
+        if (dgfemi_face_is_glued(&mesh->faces[f]))
             ok = dgfemi_forms_add_face(body, forms, f, DGFEM_NONE, 0) != DGFEM_NONE;
     if (ok) return forms;
     dgfemi_forms_destroy(forms, &body->hooks);
@@ -502,33 +524,27 @@ static dgfem_forms *dgfemi_forms_create(const dgfem_body *body) {
 
 /* ---- prescribed displacements ---- */
 
-/* Fits the prescribed field on a held face by a polynomial of the face's degree about its centre: least squares over
-   lattice points of the fan triangles, exact for every polynomial of that degree. The fit lives in the plane, with the
-   axes of the face, so that the normal direction does not make it singular. */
+/* Fits the prescribed field on a held face by a polynomial of the element's degree about the face's centre: least
+   squares over lattice points of the fan triangles, exact for every polynomial of that degree. The fit lives in the
+   plane, along the face's axes of inertia and scaled with its extents, so that neither the normal direction nor a thin
+   face make it singular; of what they still leave undetermined, single functions are dropped. */
 typedef struct dgfemi_face_fit {
-    dgfem_vec3 centre, axis[2], normal;
-    dgfem_real radius;
+    dgfem_vec3 centre, axis[2];
+    dgfem_real scale;
     int degree, count; /* in-plane monomials: 3, 6, 10 */
-    dgfem_real gram[10 * 10];
-    dgfem_real rhs[10 * 3];
+    dgfem_real gram[DGFEM_MAX_PLANE_BASIS * DGFEM_MAX_PLANE_BASIS];
+    dgfem_real rhs[DGFEM_MAX_PLANE_BASIS * 3];
 } dgfemi_face_fit;
 
-static void dgfemi_face_fit_basis(const dgfemi_face_fit *fit, dgfem_vec3 x, dgfem_real *values) {
-    dgfem_vec3 d = dgfemi_scale(1 / fit->radius, dgfemi_sub(x, fit->centre));
-    dgfem_real u = dgfemi_dot(fit->axis[0], d), v = dgfemi_dot(fit->axis[1], d);
-    int k = 0;
-    for (int p = 0; p <= fit->degree; p++)
-        for (int i = p; i >= 0; i--) {
-            values[k] = 1;
-            for (int a = 0; a < i; a++) values[k] *= u;
-            for (int a = 0; a < p - i; a++) values[k] *= v;
-            k++;
-        }
-}
-
 static void dgfemi_face_fit_sample(dgfemi_face_fit *fit, dgfem_vec3 x, dgfem_vec3 value) {
-    dgfem_real b[10];
-    dgfemi_face_fit_basis(fit, x, b);
+    dgfem_vec3 d = dgfemi_scale(1 / fit->scale, dgfemi_sub(x, fit->centre));
+    dgfem_real u = dgfemi_dot(fit->axis[0], d), v = dgfemi_dot(fit->axis[1], d), b[DGFEM_MAX_PLANE_BASIS];
+    int count = 1;
+    b[0] = 1;
+    for (int p = 1; p <= fit->degree; p++) {
+        int lower = count - p; /* the monomials of degree p - 1 */
+        for (int j = 0; j <= p; j++) b[count++] = j < p ? u * b[lower + j] : v * b[lower + p - 1];
+    }
     for (int i = 0; i < fit->count; i++) {
         for (int j = 0; j < fit->count; j++) fit->gram[i * fit->count + j] += b[i] * b[j];
         fit->rhs[i * 3] += b[i] * value.x;
@@ -537,38 +553,20 @@ static void dgfemi_face_fit_sample(dgfemi_face_fit *fit, dgfem_vec3 x, dgfem_vec
     }
 }
 
-/* In-plane monomial u^i v^j as a polynomial in face monomials: (axis0 . m)^i (axis1 . m)^j by repeated products. */
-static void dgfemi_face_fit_expand(const dgfemi_face_fit *fit, int i, int j, dgfem_real *out) {
-    int factors = i + j, n = dgfem_monomial_count(factors);
-    memset(out, 0, DGFEM_MAX_BASIS * sizeof *out);
-    out[0] = 1;
-    for (int f = 0; f < factors; f++) {
-        dgfem_vec3 axis = fit->axis[f < i ? 0 : 1];
-        dgfem_real next[DGFEM_MAX_BASIS];
-        memset(next, 0, sizeof next);
-        for (int k = 0; k < n; k++)
-            for (int a = 0; a < 3 && out[k] != 0; a++)
-                next[dgfemi_product_index(k, 1 + a)] += out[k] * dgfemi_axis(axis, a);
-        memcpy(out, next, sizeof next);
-    }
-}
-
-static void dgfemi_face_fit_frame(const dgfem_mesh *mesh, const dgfem_face *face, int degree, dgfemi_face_fit *fit) {
+static void dgfemi_face_fit_frame(const dgfem_mesh *mesh, int face, int degree, dgfemi_face_fit *fit) {
+    dgfem_real moments[DGFEM_MAX_MOMENTS];
     memset(fit, 0, sizeof *fit);
-    fit->centre = face->centre;
-    fit->normal = face->normal;
-    fit->radius = dgfemi_face_radius(mesh, face);
+    fit->centre = mesh->faces[face].centre;
+    fit->scale = dgfemi_face_radius(mesh, &mesh->faces[face]);
     fit->degree = degree;
     fit->count = (degree + 1) * (degree + 2) / 2;
-    dgfem_vec3 n = face->normal;
-    dgfem_vec3 aside = dgfemi_abs(n.x) < DGFEM_R(0.6) ? dgfemi_vec3(1, 0, 0) : dgfemi_vec3(0, 1, 0);
-    fit->axis[0] = dgfemi_normalized(dgfemi_cross(n, aside));
-    fit->axis[1] = dgfemi_cross(n, fit->axis[0]);
+    dgfemi_mesh_face_moments(mesh, face, 2, fit->centre, fit->scale, moments);
+    dgfemi_face_axes(moments, mesh->faces[face].normal, fit->axis);
 }
 
 /* Samples the field on a lattice of every triangle (centre, p, q) of the face's loops. */
 static void dgfemi_face_fit_samples(const dgfem_mesh *mesh, const dgfem_face *face, dgfemi_face_fit *fit,
-                               dgfem_displacement_fn fn, void *user) {
+                                    dgfem_displacement_fn fn, void *user) {
     int steps = fit->degree + 1;
     for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++) {
         dgfem_loop loop = mesh->loops[l];
@@ -588,32 +586,23 @@ static void dgfemi_face_fit_samples(const dgfem_mesh *mesh, const dgfem_face *fa
     }
 }
 
-/* Sets the ghost of a held face to the field. DGFEM_ERROR_NOT_FINITE where the field is; a face too thin for the fit
-   takes the mean. */
-static dgfem_status dgfemi_forms_set_ghost(const dgfem_body *body, const dgfemi_face_form *form,
-                                           dgfem_displacement_fn fn, void *user, dgfem_vec3 *ghost) {
-    const dgfem_face *face = &body->mesh->faces[form->face];
+/* ghost[form->count[1]] = the fit of a field on a held face. DGFEM_ERROR_NOT_FINITE where the field is. */
+static dgfem_status dgfemi_fit_ghost(const dgfem_body *body, const dgfemi_face_form *form, dgfem_displacement_fn fn,
+                                     void *user, dgfem_vec3 *ghost) {
+    dgfem_real basis[DGFEM_MAX_PLANE_BASIS][DGFEM_MAX_BASIS];
     dgfemi_face_fit fit;
-    dgfem_real expanded[DGFEM_MAX_BASIS];
-    dgfemi_face_fit_frame(body->mesh, face, body->degree[form->element[0]], &fit);
-    dgfemi_face_fit_samples(body->mesh, face, &fit, fn, user);
+    dgfemi_face_fit_frame(body->mesh, form->face, body->degree[form->element[0]], &fit);
+    dgfemi_face_fit_samples(body->mesh, &body->mesh->faces[form->face], &fit, fn, user);
     for (int i = 0; i < fit.count * 3; i++)
         if (!dgfemi_is_finite(fit.rhs[i]))
             return dgfemi_fail(&body->hooks, DGFEM_ERROR_NOT_FINITE, "prescribed displacement on face %d", form->face);
-    dgfem_real samples = fit.gram[0];
-    dgfem_vec3 mean = dgfemi_scale(1 / samples, dgfemi_vec3(fit.rhs[0], fit.rhs[1], fit.rhs[2]));
-    memset(ghost, 0, (size_t)form->count[1] * sizeof *ghost);
-    if (!dgfemi_cholesky_dense(fit.gram, fit.count)) {
-        ghost[0] = mean;
-        return DGFEM_OK;
-    }
+    dgfemi_cholesky_dropping(fit.gram, fit.count);
     dgfemi_cholesky_dense_solve(fit.gram, fit.count, fit.rhs, 3);
-    int m = 0;
-    for (int p = 0; p <= fit.degree; p++)
-        for (int i = p; i >= 0; i--, m++) {
-            dgfemi_face_fit_expand(&fit, i, p - i, expanded);
-            dgfem_vec3 c = dgfemi_vec3(fit.rhs[3 * m], fit.rhs[3 * m + 1], fit.rhs[3 * m + 2]);
-            for (int k = 0; k < form->count[1]; k++) ghost[k] = dgfemi_add_scaled(ghost[k], expanded[k], c);
-        }
+    (void)dgfemi_plane_basis(fit.axis, fit.degree, basis);
+    memset(ghost, 0, (size_t)form->count[1] * sizeof *ghost);
+    for (int m = 0; m < fit.count; m++) {
+        dgfem_vec3 c = dgfemi_vec3(fit.rhs[3 * m], fit.rhs[3 * m + 1], fit.rhs[3 * m + 2]);
+        for (int k = 0; k < form->count[1]; k++) ghost[k] = dgfemi_add_scaled(ghost[k], basis[m][k], c);
+    }
     return DGFEM_OK;
 }

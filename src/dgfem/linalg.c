@@ -17,7 +17,10 @@ static dgfem_real dgfemi_dot(dgfem_vec3 a, dgfem_vec3 b) { return a.x * b.x + a.
 static dgfem_vec3 dgfemi_cross(dgfem_vec3 a, dgfem_vec3 b) {
     return dgfemi_vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
 }
-static dgfem_real dgfemi_norm(dgfem_vec3 a) { return dgfemi_sqrt(dgfemi_dot(a, a)); }
+static dgfem_real dgfemi_norm(dgfem_vec3 a) { /* in double, where squares of float neither overflow nor vanish */
+    double x = (double)a.x, y = (double)a.y, z = (double)a.z;
+    return (dgfem_real)sqrt(x * x + y * y + z * z);
+}
 static dgfem_real dgfemi_distance(dgfem_vec3 a, dgfem_vec3 b) { return dgfemi_norm(dgfemi_sub(a, b)); }
 static dgfem_vec3 dgfemi_min3(dgfem_vec3 a, dgfem_vec3 b) {
     return dgfemi_vec3(dgfemi_min(a.x, b.x), dgfemi_min(a.y, b.y), dgfemi_min(a.z, b.z));
@@ -38,6 +41,22 @@ static dgfem_vec3 dgfemi_normalized(dgfem_vec3 a) {
     if (!(largest > 0)) return dgfemi_vec3(0, 0, 0);
     a = dgfemi_vec3(a.x / largest, a.y / largest, a.z / largest); /* the squares neither overflow nor vanish */
     return dgfemi_scale(1 / dgfemi_norm(a), a);
+}
+
+/* Euclidean norm of a long vector, of any magnitude. */
+static double dgfemi_vector_norm(int count, const dgfem_vec3 *x) {
+    double largest = 0, sum = 0;
+    int i;
+    for (i = 0; i < count; i++) {
+        dgfem_real size = dgfemi_max(dgfemi_abs(x[i].x), dgfemi_max(dgfemi_abs(x[i].y), dgfemi_abs(x[i].z)));
+        if ((double)size > largest) largest = (double)size;
+    }
+    if (!(largest > 0)) return 0;
+    for (i = 0; i < count; i++) {
+        double a = (double)x[i].x / largest, b = (double)x[i].y / largest, c = (double)x[i].z / largest;
+        sum += a * a + b * b + c * c;
+    }
+    return largest * sqrt(sum);
 }
 
 /* ---- 3x3 matrices ---- */
@@ -65,8 +84,7 @@ static dgfem_mat3 dgfemi_multiply3(const dgfem_mat3 *a, const dgfem_mat3 *b) {
     dgfem_mat3 c;
     int i, j;
     for (i = 0; i < 3; i++)
-        for (j = 0; j < 3; j++)
-            c.m[i][j] = a->m[i][0] * b->m[0][j] + a->m[i][1] * b->m[1][j] + a->m[i][2] * b->m[2][j];
+        for (j = 0; j < 3; j++) c.m[i][j] = a->m[i][0] * b->m[0][j] + a->m[i][1] * b->m[1][j] + a->m[i][2] * b->m[2][j];
     return c;
 }
 
@@ -88,7 +106,9 @@ static dgfem_real dgfemi_determinant(const dgfem_mat3 *a) {
 
 static dgfem_vec3 dgfemi_column(const dgfem_mat3 *a, int j) { return dgfemi_vec3(a->m[0][j], a->m[1][j], a->m[2][j]); }
 
-static void dgfemi_set_column(dgfem_mat3 *a, int j, dgfem_vec3 v) { a->m[0][j] = v.x, a->m[1][j] = v.y, a->m[2][j] = v.z; }
+static void dgfemi_set_column(dgfem_mat3 *a, int j, dgfem_vec3 v) {
+    a->m[0][j] = v.x, a->m[1][j] = v.y, a->m[2][j] = v.z;
+}
 
 /* a += s * u v^T */
 static void dgfemi_add_outer(dgfem_mat3 *a, dgfem_real s, dgfem_vec3 u, dgfem_vec3 v) {
@@ -162,67 +182,122 @@ DGFEM_API void dgfem_eigen_symmetric(dgfem_mat3 a, dgfem_real values[3], dgfem_m
 
 /* ---- polar rotation ---- */
 
-/* F = U diag(sigma) V^T with V the eigenvectors of F^T F. The two largest singular values give two columns of U; the
-   third is their cross product, which also makes det(U V^T) = +1 and so flips the smallest singular vector of an
-   inverted F. */
+/* Turns columns p and q of f, and those of v with them, until they are orthogonal. 0 when they are already. */
+static int dgfemi_orthogonalize_columns(dgfem_mat3 *f, dgfem_mat3 *v, int p, int q) {
+    dgfem_vec3 x = dgfemi_column(f, p), y = dgfemi_column(f, q), vx = dgfemi_column(v, p), vy = dgfemi_column(v, q);
+    dgfem_real xx = dgfemi_dot(x, x), yy = dgfemi_dot(y, y), xy = dgfemi_dot(x, y), theta, t, c, s;
+    if (!(dgfemi_abs(xy) > DGFEM_EPSILON * dgfemi_sqrt(xx) * dgfemi_sqrt(yy)) || xy == 0) return 0;
+    theta = (yy - xx) / (2 * xy);
+    t = 1 / (dgfemi_abs(theta) + dgfemi_sqrt(theta * theta + 1));
+    if (theta < 0) t = -t;
+    c = 1 / dgfemi_sqrt(t * t + 1);
+    s = t * c;
+    dgfemi_set_column(f, p, dgfemi_add_scaled(dgfemi_scale(c, x), -s, y));
+    dgfemi_set_column(f, q, dgfemi_add_scaled(dgfemi_scale(s, x), c, y));
+    dgfemi_set_column(v, p, dgfemi_add_scaled(dgfemi_scale(c, vx), -s, vy));
+    dgfemi_set_column(v, q, dgfemi_add_scaled(dgfemi_scale(s, vx), c, vy));
+    return 1;
+}
+
+/* F V = U diag(sigma) by one-sided Jacobi rotations, which unlike the eigenvectors of F^T F see small singular values
+   as exactly as F holds them. The two largest give two columns of U and of V; the third ones are their cross products,
+   which makes det(U V^T) = +1 and so flips the smallest singular vector of an inverted F. */
 DGFEM_API dgfem_mat3 dgfem_rotation_of(dgfem_mat3 f, dgfem_mat3 fallback) {
-    dgfem_mat3 ft, gram, v, u, vt;
-    dgfem_real squares[3], sigma1, sigma2, sigma3;
-    dgfem_vec3 u1, u2;
+    enum { MAX_SWEEPS = 16 }; /* convergence is quadratic: six suffice */
+    const dgfem_real bound = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-6);
+    dgfem_mat3 v = dgfemi_identity(), r;
+    dgfem_vec3 u1, u2, v1, v2;
+    dgfem_real sigma[3], largest = 0;
+    int first = 0, second, sweep, i;
     if (!dgfemi_is_finite_mat3(&f)) return fallback;
-    ft = dgfemi_transposed(&f);
-    gram = dgfemi_multiply3(&ft, &f);
-    dgfem_eigen_symmetric(gram, squares, &v);
-    u1 = dgfemi_multiply(&f, dgfemi_column(&v, 2));
-    sigma1 = dgfemi_norm(u1);
-    if (!(sigma1 > 0)) return fallback;
-    u1 = dgfemi_scale(1 / sigma1, u1);
-    u2 = dgfemi_multiply(&f, dgfemi_column(&v, 1));
-    u2 = dgfemi_add_scaled(u2, -dgfemi_dot(u1, u2), u1);
-    sigma2 = dgfemi_norm(u2);
-    sigma3 = dgfemi_norm(dgfemi_multiply(&f, dgfemi_column(&v, 0)));
-    if (!(sigma2 + sigma3 > DGFEM_R(1e-6) * sigma1) || !(sigma2 > 0)) return fallback;
-    u2 = dgfemi_scale(1 / sigma2, u2);
-    dgfemi_set_column(&u, 2, u1);
-    dgfemi_set_column(&u, 1, u2);
-    dgfemi_set_column(&u, 0, dgfemi_cross(u2, u1)); /* v is right-handed: v0 = v1 x v2 */
-    vt = dgfemi_transposed(&v);
-    return dgfemi_multiply3(&u, &vt);
+    for (i = 0; i < 9; i++) largest = dgfemi_max(largest, dgfemi_abs(f.m[i / 3][i % 3]));
+    if (!(largest > 0)) return fallback;
+    for (i = 0; i < 9; i++) f.m[i / 3][i % 3] /= largest; /* the squares neither overflow nor vanish */
+    for (sweep = 0; sweep < MAX_SWEEPS; sweep++) {
+        int turned = dgfemi_orthogonalize_columns(&f, &v, 0, 1);
+        turned |= dgfemi_orthogonalize_columns(&f, &v, 0, 2);
+        turned |= dgfemi_orthogonalize_columns(&f, &v, 1, 2);
+        if (!turned) break;
+    }
+    for (i = 0; i < 3; i++) sigma[i] = dgfemi_norm(dgfemi_column(&f, i));
+    for (i = 1; i < 3; i++)
+        if (sigma[i] > sigma[first]) first = i;
+    second = first == 0 ? 1 : 0;
+    if (sigma[3 - first - second] > sigma[second]) second = 3 - first - second;
+    if (!(sigma[second] + sigma[3 - first - second] > bound * sigma[first])) return fallback;
+    u1 = dgfemi_scale(1 / sigma[first], dgfemi_column(&f, first));
+    u2 = dgfemi_scale(1 / sigma[second], dgfemi_column(&f, second));
+    v1 = dgfemi_column(&v, first), v2 = dgfemi_column(&v, second);
+    memset(&r, 0, sizeof r);
+    dgfemi_add_outer(&r, 1, u1, v1);
+    dgfemi_add_outer(&r, 1, u2, v2);
+    dgfemi_add_outer(&r, 1, dgfemi_cross(u1, u2), dgfemi_cross(v1, v2));
+    return r;
 }
 
 /* ---- dense Cholesky of small blocks, row-major ---- */
 
 /* Lower triangle of a becomes L with A = L L^T. 0 when a pivot is not positive. */
 static int dgfemi_cholesky_dense(dgfem_real *a, int n) {
+    size_t stride = (size_t)n;
     int i, j, k;
     for (j = 0; j < n; j++) {
-        dgfem_real pivot = a[j * n + j];
-        for (k = 0; k < j; k++) pivot -= a[j * n + k] * a[j * n + k];
+        dgfem_real *row = a + (size_t)j * stride, pivot = row[j];
+        for (k = 0; k < j; k++) pivot -= row[k] * row[k];
         if (!(pivot > 0) || !dgfemi_is_finite(pivot)) return 0;
         pivot = dgfemi_sqrt(pivot);
-        a[j * n + j] = pivot;
+        row[j] = pivot;
         for (i = j + 1; i < n; i++) {
-            dgfem_real sum = a[i * n + j];
-            for (k = 0; k < j; k++) sum -= a[i * n + k] * a[j * n + k];
-            a[i * n + j] = sum / pivot;
+            dgfem_real *lower = a + (size_t)i * stride, sum = lower[j];
+            for (k = 0; k < j; k++) sum -= lower[k] * row[k];
+            lower[j] = sum / pivot;
         }
     }
     return 1;
 }
 
-/* x = (L L^T)^-1 x for `columns` interleaved right-hand sides: x[row * columns + column]. */
+/* The same for the Gram matrix of functions of which some may depend on those before them, as far as round-off can
+   tell: their rows become zero, which drops them from the solves below. */
+static void dgfemi_cholesky_dropping(dgfem_real *a, int n) {
+    int i, j, k;
+    for (i = 0; i < n; i++) {
+        dgfem_real *row = a + i * n, norm = row[i], pivot = norm;
+        for (j = 0; j < i; j++) {
+            const dgfem_real *upper = a + j * n;
+            for (k = 0; k < j; k++) row[j] -= row[k] * upper[k];
+            row[j] = upper[j] > 0 ? row[j] / upper[j] : 0;
+            pivot -= row[j] * row[j];
+        }
+        row[i] = pivot > 1000 * DGFEM_EPSILON * norm ? dgfemi_sqrt(pivot) : 0;
+        for (j = 0; row[i] == 0 && j < i; j++) row[j] = 0;
+    }
+}
+
+/* x = L^-1 x for `columns` interleaved right-hand sides: x[row * columns + column]; zero in dropped rows. */
+static void dgfemi_forward_dense(const dgfem_real *l, int n, dgfem_real *x, int columns) {
+    int i, k, c;
+    for (i = 0; i < n; i++) {
+        const dgfem_real *row = l + (size_t)i * (size_t)n;
+        dgfem_real *xi = x + (size_t)i * (size_t)columns;
+        for (c = 0; c < columns; c++) {
+            dgfem_real sum = xi[c];
+            for (k = 0; k < i; k++) sum -= row[k] * x[(size_t)k * (size_t)columns + (size_t)c];
+            xi[c] = row[i] > 0 ? sum / row[i] : 0;
+        }
+    }
+}
+
+/* x = (L L^T)^-1 x for right-hand sides as above. */
 static void dgfemi_cholesky_dense_solve(const dgfem_real *l, int n, dgfem_real *x, int columns) {
     int i, k, c;
-    for (i = 0; i < n; i++)
+    dgfemi_forward_dense(l, n, x, columns);
+    for (i = n - 1; i >= 0; i--) {
+        dgfem_real *xi = x + (size_t)i * (size_t)columns, pivot = l[(size_t)i * (size_t)n + (size_t)i];
         for (c = 0; c < columns; c++) {
-            dgfem_real sum = x[i * columns + c];
-            for (k = 0; k < i; k++) sum -= l[i * n + k] * x[k * columns + c];
-            x[i * columns + c] = sum / l[i * n + i];
+            dgfem_real sum = xi[c];
+            for (k = i + 1; k < n; k++)
+                sum -= l[(size_t)k * (size_t)n + (size_t)i] * x[(size_t)k * (size_t)columns + (size_t)c];
+            xi[c] = pivot > 0 ? sum / pivot : 0;
         }
-    for (i = n - 1; i >= 0; i--)
-        for (c = 0; c < columns; c++) {
-            dgfem_real sum = x[i * columns + c];
-            for (k = i + 1; k < n; k++) sum -= l[k * n + i] * x[k * columns + c];
-            x[i * columns + c] = sum / l[i * n + i];
-        }
+    }
 }

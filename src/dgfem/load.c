@@ -77,8 +77,7 @@ static dgfem_status dgfemi_accept_condition(dgfem_body *body, int *id) {
 static dgfem_status dgfemi_check_free_faces(const dgfem_body *body, const int *faces, int count) {
     dgfem_status status = dgfemi_check_boundary_faces(body, faces, count);
     if (status) return status;
-    dgfemi_arena arena = dgfemi_arena_make(&body->hooks);
-    char *held = (char *)dgfemi_arena_allocate_zero(&arena, (size_t)body->mesh->face_count, 1);
+    char *held = (char *)dgfemi_allocate_zero(&body->hooks, (size_t)body->mesh->face_count, 1);
     if (!held) return dgfemi_fail_memory(&body->hooks);
     for (int f = 0; f < body->forms->face_count; f++) held[body->forms->faces[f].face] = 1;
     for (int i = 0; !status && i < count; i++) {
@@ -86,27 +85,36 @@ static dgfem_status dgfemi_check_free_faces(const dgfem_body *body, const int *f
             status = dgfemi_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "face %d is held already", faces[i]);
         held[faces[i]] = 1;
     }
-    dgfemi_arena_free(&arena);
+    dgfemi_free(&body->hooks, held);
     return status;
 }
 
-static void dgfemi_constant_displacement(void *user, dgfem_vec3 rest, dgfem_vec3 *displacement) {
-    (void)rest;
-    *displacement = *(const dgfem_vec3 *)user;
-}
-
-/* Samples the prescribed displacement on the faces of a condition. On failure the ghosts may be half set: callers
-   remove or restore them. */
-static dgfem_status dgfemi_sample_ghosts(dgfem_body *body, dgfem_condition *condition) {
-    dgfem_status status = DGFEM_OK;
-    for (int f = 0; !status && f < body->forms->face_count; f++) {
+static void dgfemi_set_constant_ghosts(dgfem_body *body, const dgfem_condition *condition) {
+    for (int f = 0; f < body->forms->face_count; f++) {
         const dgfemi_face_form *form = &body->forms->faces[f];
         if (form->condition != condition->id) continue;
         dgfem_vec3 *ghost = dgfemi_form_ghost(body->forms, form);
-        status = condition->fn
-                     ? dgfemi_forms_set_ghost(body, form, condition->fn, condition->fn_user, ghost)
-                     : dgfemi_forms_set_ghost(body, form, dgfemi_constant_displacement, &condition->vector, ghost);
+        memset(ghost, 0, (size_t)form->count[1] * sizeof *ghost);
+        ghost[0] = condition->vector;
     }
+}
+
+/* Samples the prescribed displacement on the faces of a condition: all of them change, or on failure none. */
+static dgfem_status dgfemi_sample_ghosts(dgfem_body *body, const dgfem_condition *condition) {
+    dgfem_vec3 *fits =
+        (dgfem_vec3 *)dgfemi_allocate(&body->hooks, (size_t)condition->count, DGFEM_MAX_BASIS * sizeof(dgfem_vec3));
+    dgfem_status status = fits ? DGFEM_OK : dgfemi_fail_memory(&body->hooks);
+    for (int pass = 0; pass < 2; pass++) {
+        dgfem_vec3 *fit = fits;
+        for (int f = 0; !status && f < body->forms->face_count; f++) {
+            const dgfemi_face_form *form = &body->forms->faces[f];
+            if (form->condition != condition->id) continue;
+            if (pass == 0) status = dgfemi_fit_ghost(body, form, condition->fn, condition->fn_user, fit);
+            else memcpy(dgfemi_form_ghost(body->forms, form), fit, (size_t)form->count[1] * sizeof *fit);
+            fit += form->count[1];
+        }
+    }
+    dgfemi_free(&body->hooks, fits);
     return status;
 }
 
@@ -117,7 +125,8 @@ static dgfem_status dgfemi_hold_faces(dgfem_body *body, dgfem_condition *conditi
     for (int i = 0; !status && i < condition->count; i++)
         if (dgfemi_forms_add_face(body, body->forms, condition->items[i], condition->id, normal_only) == DGFEM_NONE)
             status = dgfemi_fail_memory(&body->hooks);
-    if (!status) status = dgfemi_sample_ghosts(body, condition);
+    if (!status && condition->fn) status = dgfemi_sample_ghosts(body, condition);
+    else if (!status) dgfemi_set_constant_ghosts(body, condition);
     if (!status) return dgfemi_accept_condition(body, id);
     dgfemi_forms_remove_condition(body->forms, &body->hooks, condition->id);
     dgfemi_condition_free(&body->hooks, condition);
@@ -164,35 +173,35 @@ DGFEM_API dgfem_status dgfem_body_move_fixture(dgfem_body *body, int id, dgfem_v
     if (!condition) return DGFEM_ERROR_INDEX;
     condition->vector = displacement;
     condition->fn = NULL;
-    return dgfemi_sample_ghosts(body, condition); /* cannot fail: the value is finite */
+    dgfemi_set_constant_ghosts(body, condition);
+    return DGFEM_OK;
 }
 
 DGFEM_API dgfem_status dgfem_body_resample_fixture(dgfem_body *body, int id) {
     if (!body) return DGFEM_ERROR_ARGUMENT;
     dgfem_condition *condition = dgfemi_expect_condition(body, id, DGFEM_CONDITION_FIX_FACES);
     if (!condition) return DGFEM_ERROR_INDEX;
-    dgfem_vec3 ghost[DGFEM_MAX_BASIS];
-    for (int f = 0; condition->fn && f < body->forms->face_count; f++) { /* a first pass that only looks for NaN */
-        const dgfemi_face_form *form = &body->forms->faces[f];
-        if (form->condition != id) continue;
-        dgfem_status status = dgfemi_forms_set_ghost(body, form, condition->fn, condition->fn_user, ghost);
-        if (status) return status;
-    }
-    return dgfemi_sample_ghosts(body, condition);
+    return condition->fn ? dgfemi_sample_ghosts(body, condition) : DGFEM_OK;
 }
 
 /* ---- held elements ---- */
 
 static dgfem_status dgfemi_check_free_elements(const dgfem_body *body, const int *elements, int count) {
     dgfem_status status = dgfemi_check_elements(body, elements, count);
-    for (int c = 0; !status && c < body->condition_count; c++) {
+    if (status) return status;
+    char *held = (char *)dgfemi_allocate_zero(&body->hooks, (size_t)body->mesh->element_count, 1);
+    if (!held) return dgfemi_fail_memory(&body->hooks);
+    for (int c = 0; c < body->condition_count; c++) {
         const dgfem_condition *condition = &body->conditions[c];
         if (condition->kind != DGFEM_CONDITION_FIX_ELEMENTS) continue;
-        for (int i = 0; !status && i < condition->count; i++)
-            for (int k = 0; !status && k < count; k++)
-                if (condition->items[i] == elements[k])
-                    status = dgfemi_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "element %d is held already", elements[k]);
+        for (int i = 0; i < condition->count; i++) held[condition->items[i]] = 1;
     }
+    for (int i = 0; !status && i < count; i++) {
+        if (held[elements[i]])
+            status = dgfemi_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "element %d is held already", elements[i]);
+        held[elements[i]] = 1;
+    }
+    dgfemi_free(&body->hooks, held);
     return status;
 }
 
@@ -236,57 +245,63 @@ DGFEM_API dgfem_status dgfem_body_move_elements(dgfem_body *body, int id, dgfem_
 
 /* ---- forces ---- */
 
+/* out_i += weights_i v over the functions of an element */
+static void dgfemi_add_weighted(const dgfem_body *body, int element, const dgfem_real *weights, dgfem_vec3 v,
+                                dgfem_vec3 *out) {
+    int first = body->basis_start[element];
+    for (int i = first; i < body->basis_start[element + 1]; i++)
+        out[i] = dgfemi_add_scaled(out[i], weights[i - first], v);
+}
+
 static void dgfemi_add_traction(const dgfem_body *body, int face, dgfem_vec3 traction, dgfem_vec3 *force) {
     dgfem_real moments[DGFEM_MAX_MOMENTS];
     int e = body->mesh->faces[face].element[0];
     dgfemi_mesh_face_moments(body->mesh, face, body->degree[e], body->origin[e], body->scale[e], moments);
-    for (int i = body->basis_start[e]; i < body->basis_start[e + 1]; i++)
-        force[i] = dgfemi_add_scaled(force[i], moments[i - body->basis_start[e]], traction);
+    dgfemi_add_weighted(body, e, moments, traction, force);
 }
 
 static void dgfemi_add_body_force(const dgfem_body *body, int element, dgfem_vec3 density, dgfem_vec3 *force) {
-    const dgfem_real *load = dgfemi_form_load(body->forms, element);
-    for (int i = body->basis_start[element]; i < body->basis_start[element + 1]; i++)
-        force[i] = dgfemi_add_scaled(force[i], load[i - body->basis_start[element]], density);
+    dgfemi_add_weighted(body, element, dgfemi_form_load(body->forms, element), density, force);
 }
 
 static void dgfemi_add_point_force(const dgfem_body *body, int element, dgfem_vec3 rest, dgfem_vec3 point_force,
                                    dgfem_vec3 *force) {
     dgfem_real n[DGFEM_MAX_BASIS];
     dgfemi_basis_evaluate(body->degree[element], body->origin[element], body->scale[element], rest, n);
-    for (int i = body->basis_start[element]; i < body->basis_start[element + 1]; i++)
-        force[i] = dgfemi_add_scaled(force[i], n[i - body->basis_start[element]], point_force);
+    dgfemi_add_weighted(body, element, n, point_force, force);
 }
 
-/* Sums the loads that do not depend on the state. */
-static void dgfemi_update_force(dgfem_body *body) {
-    memset(body->force, 0, (size_t)body->basis_count * sizeof *body->force);
-    for (int c = 0; c < body->condition_count; c++) {
-        const dgfem_condition *condition = &body->conditions[c];
-        for (int i = 0; i < condition->count; i++) {
-            int item = condition->items[i];
-            if (condition->kind == DGFEM_CONDITION_TRACTION)
-                dgfemi_add_traction(body, item, condition->vector, body->force);
-            else if (condition->kind == DGFEM_CONDITION_BODY_FORCE)
-                dgfemi_add_body_force(body, item, condition->vector, body->force);
-            else if (condition->kind == DGFEM_CONDITION_FORCE)
-                dgfemi_add_point_force(body, item, condition->point, condition->vector, body->force);
-        }
+/* Adds a condition's load to the body's force, if it is one that does not depend on the state. */
+static void dgfemi_add_dead_load(dgfem_body *body, const dgfem_condition *condition) {
+    for (int i = 0; i < condition->count; i++) {
+        int item = condition->items[i];
+        if (condition->kind == DGFEM_CONDITION_TRACTION)
+            dgfemi_add_traction(body, item, condition->vector, body->force);
+        else if (condition->kind == DGFEM_CONDITION_BODY_FORCE)
+            dgfemi_add_body_force(body, item, condition->vector, body->force);
+        else if (condition->kind == DGFEM_CONDITION_FORCE)
+            dgfemi_add_point_force(body, item, condition->point, condition->vector, body->force);
     }
 }
 
-/* out = gravity, dead loads and pressure, times `load`. Pressure acts along the normals turned with their elements. */
-static void dgfemi_external_force(const dgfem_body *body, const dgfem_mat3 *rotation, dgfem_real load,
+/* Sums those loads anew: subtracting one would leave round-off. */
+static void dgfemi_update_force(dgfem_body *body) {
+    memset(body->force, 0, (size_t)body->basis_count * sizeof *body->force);
+    for (int c = 0; c < body->condition_count; c++) dgfemi_add_dead_load(body, &body->conditions[c]);
+}
+
+/* out = gravity, dead loads and pressure, times `factor`. Pressure acts along normals turned with their elements. */
+static void dgfemi_external_force(const dgfem_body *body, const dgfem_mat3 *rotation, dgfem_real factor,
                                   dgfem_vec3 *out) {
-    for (int i = 0; i < body->basis_count; i++) out[i] = dgfemi_scale(load, body->force[i]);
+    for (int i = 0; i < body->basis_count; i++) out[i] = dgfemi_scale(factor, body->force[i]);
     for (int e = 0; e < body->mesh->element_count; e++)
-        dgfemi_add_body_force(body, e, dgfemi_scale(load * body->material[e].density, body->desc.gravity), out);
+        dgfemi_add_body_force(body, e, dgfemi_scale(factor * body->material[e].density, body->desc.gravity), out);
     for (int c = 0; c < body->condition_count; c++) {
         const dgfem_condition *condition = &body->conditions[c];
         for (int i = 0; condition->kind == DGFEM_CONDITION_PRESSURE && i < condition->count; i++) {
             const dgfem_face *face = &body->mesh->faces[condition->items[i]];
             dgfem_vec3 normal = dgfemi_multiply(&rotation[face->element[0]], face->normal);
-            dgfemi_add_traction(body, condition->items[i], dgfemi_scale(-load * condition->scalar, normal), out);
+            dgfemi_add_traction(body, condition->items[i], dgfemi_scale(-factor * condition->scalar, normal), out);
         }
     }
 }
@@ -299,9 +314,8 @@ static dgfem_status dgfemi_add_load(dgfem_body *body, dgfem_condition_kind kind,
     condition->vector = vector;
     condition->scalar = scalar;
     condition->point = point;
-    (void)dgfemi_accept_condition(body, id);
-    dgfemi_update_force(body);
-    return DGFEM_OK;
+    dgfemi_add_dead_load(body, condition);
+    return dgfemi_accept_condition(body, id);
 }
 
 DGFEM_API dgfem_status dgfem_body_set_traction(dgfem_body *body, const int *faces, int face_count, dgfem_vec3 traction,
@@ -329,8 +343,8 @@ DGFEM_API dgfem_status dgfem_body_set_body_force(dgfem_body *body, const int *el
     dgfem_status status = dgfemi_check_elements(body, elements, element_count);
     if (!status) status = dgfemi_check_finite(body, density, "body force");
     if (status) return status;
-    return dgfemi_add_load(body, DGFEM_CONDITION_BODY_FORCE, elements, element_count, density, 0,
-                           dgfemi_vec3(0, 0, 0), id);
+    return dgfemi_add_load(body, DGFEM_CONDITION_BODY_FORCE, elements, element_count, density, 0, dgfemi_vec3(0, 0, 0),
+                           id);
 }
 
 DGFEM_API dgfem_status dgfem_body_add_force(dgfem_body *body, int element, dgfem_vec3 rest, dgfem_vec3 force, int *id) {
@@ -416,7 +430,7 @@ static dgfem_status dgfemi_body_need_contacts(dgfem_body *body) {
 
 static dgfem_status dgfemi_add_shape(dgfem_body *body, const dgfem_shape_desc *desc, dgfem_shape_kind kind, int *id) {
     if (!body) return DGFEM_ERROR_ARGUMENT;
-    dgfem_status status = dgfemi_check_cookie(desc, desc ? desc->cookie : 0);
+    dgfem_status status = dgfemi_check_desc(&body->hooks, desc, desc ? desc->cookie : 0, "shape");
     if (!status) status = dgfemi_check_shape(body, desc, kind);
     if (!status) status = dgfemi_body_need_contacts(body);
     if (status) return status;
@@ -444,7 +458,7 @@ DGFEM_API dgfem_status dgfem_body_add_sphere(dgfem_body *body, const dgfem_shape
 
 DGFEM_API dgfem_status dgfem_body_move_shape(dgfem_body *body, int id, const dgfem_shape_desc *desc) {
     if (!body) return DGFEM_ERROR_ARGUMENT;
-    dgfem_status status = dgfemi_check_cookie(desc, desc ? desc->cookie : 0);
+    dgfem_status status = dgfemi_check_desc(&body->hooks, desc, desc ? desc->cookie : 0, "shape");
     if (status) return status;
     for (int i = 0; i < body->shape_count; i++) {
         if (body->shapes[i].id != id) continue;
@@ -455,7 +469,8 @@ DGFEM_API dgfem_status dgfem_body_move_shape(dgfem_body *body, int id, const dgf
     return dgfemi_fail(&body->hooks, DGFEM_ERROR_INDEX, "there is no shape with the id %d", id);
 }
 
-DGFEM_API dgfem_status dgfem_body_set_contact_points(dgfem_body *body, dgfem_points_in points, const dgfem_real *areas) {
+DGFEM_API dgfem_status dgfem_body_set_contact_points(dgfem_body *body, dgfem_points_in points,
+                                                     const dgfem_real *areas) {
     if (!body) return DGFEM_ERROR_ARGUMENT;
     dgfem_contacts *contacts = NULL;
     dgfem_status status =

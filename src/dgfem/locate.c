@@ -264,3 +264,18 @@ static dgfemi_location dgfemi_locate(dgfemi_locator *locator, dgfem_vec3 x) {
     DGFEM_ASSERT(location.element != DGFEM_NONE);
     return location;
 }
+
+/* Where x lies with respect to one element. */
+static dgfemi_location dgfemi_locate_in(const dgfem_mesh *mesh, int element, dgfem_vec3 x) {
+    const dgfem_element *e = &mesh->elements[element];
+    dgfemi_location location;
+    location.element = element, location.distance = 0, location.nearest = x;
+    if (dgfemi_element_contains(mesh, element, x)) return location;
+    location.distance = -1;
+    for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+        dgfem_vec3 p = dgfemi_face_nearest(mesh, &mesh->faces[mesh->element_faces[k]], x);
+        dgfem_real distance = dgfemi_distance(p, x);
+        if (location.distance < 0 || distance < location.distance) location.distance = distance, location.nearest = p;
+    }
+    return location;
+}

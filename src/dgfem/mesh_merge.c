@@ -8,9 +8,20 @@ typedef struct dgfemi_sliver {
     int element;
 } dgfemi_sliver;
 
+/* What is small, and what may be merged with what. */
+typedef struct dgfemi_merge_rule {
+    dgfem_real volume; /* elements smaller than this are slivers, */
+    dgfem_real
+        ratio; /* and those that this times the largest glued neighbour exceeds, in volume or, cubed, in thickness */
+    const char *candidate; /* [element_count] 1: may be merged into a neighbour; or NULL: all may */
+    int (*allows)(const void *user, int a, int b); /* NULL: all pairs; the arguments are tags */
+    const void *user;
+} dgfemi_merge_rule;
+
 typedef struct dgfemi_merger {
     dgfem_mesh *mesh;
-    dgfem_real limit;
+    dgfemi_merge_rule rule;
+    int *union_of;       /* [element_count] the element that took this one in, or DGFEM_NONE; may be NULL */
     dgfemi_sliver *heap; /* the smallest first */
     int heap_count;
     int *mark;              /* [element_count] the last `stamp` at which the element was seen as a neighbour */
@@ -52,12 +63,40 @@ static dgfemi_sliver dgfemi_heap_pop(dgfemi_merger *merger) {
     return top;
 }
 
-/* ---- neighbours ---- */
+/* ---- slivers ---- */
 
 static int dgfemi_mesh_other_side(const dgfem_mesh *mesh, int element, int face) {
     const dgfem_face *f = &mesh->faces[face];
     return f->element[0] == element ? f->element[1] : f->element[0];
 }
+
+/* Volume over the area of the largest face. */
+static dgfem_real dgfemi_mesh_thickness(const dgfem_mesh *mesh, int element) {
+    const dgfem_element *e = &mesh->elements[element];
+    dgfem_real largest = 0;
+    int k;
+    for (k = e->face_start; k < e->face_start + e->face_count; k++)
+        largest = dgfemi_max(largest, mesh->faces[mesh->element_faces[k]].area);
+    return largest > 0 ? e->volume / largest : 0;
+}
+
+static int dgfemi_is_sliver(const dgfem_mesh *mesh, const dgfemi_merge_rule *rule, int element) {
+    const dgfem_element *e = &mesh->elements[element];
+    dgfem_real largest = 0, thickness;
+    int k;
+    if (e->face_count == 0 || (rule->candidate && !rule->candidate[element])) return 0;
+    if (e->volume < rule->volume) return 1;
+    if (!(rule->ratio > 0)) return 0;
+    for (k = e->face_start; k < e->face_start + e->face_count; k++) {
+        int f = mesh->element_faces[k], other = dgfemi_mesh_other_side(mesh, element, f);
+        if (other != DGFEM_NONE && !mesh->faces[f].cut) largest = dgfemi_max(largest, mesh->elements[other].volume);
+    }
+    if (e->volume < rule->ratio * largest) return 1;
+    thickness = dgfemi_mesh_thickness(mesh, element) / rule->ratio;
+    return thickness * thickness * thickness < largest;
+}
+
+/* ---- neighbours ---- */
 
 /* Lists the neighbours of an element with their glued areas. 1 on success, 0 when out of memory. */
 static int dgfemi_merger_list_neighbours(dgfemi_merger *merger, int element) {
@@ -70,8 +109,11 @@ static int dgfemi_merger_list_neighbours(dgfemi_merger *merger, int element) {
         int f = mesh->element_faces[k], other = dgfemi_mesh_other_side(mesh, element, f);
         if (other == DGFEM_NONE) continue;
         if (merger->mark[other] != merger->stamp) {
+            const dgfemi_merge_rule *rule = &merger->rule;
             merger->mark[other] = merger->stamp;
             merger->glued_area[other] = 0;
+            if (rule->allows && !rule->allows(rule->user, e->tag, mesh->elements[other].tag))
+                merger->glued_area[other] = -1;
             if (!dgfemi_push(&mesh->hooks, &merger->neighbours, other)) return 0;
         }
         if (mesh->faces[f].cut) merger->glued_area[other] = -1; /* a face cannot have one element on both sides */
@@ -159,6 +201,7 @@ static int dgfemi_merger_apply(dgfemi_merger *merger, int sliver, int into) {
         else face->element[face->element[0] == sliver ? 0 : 1] = into;
     }
     from->face_count = 0;
+    if (merger->union_of) merger->union_of[sliver] = into;
     to->face_start = start;
     to->face_count = merger->faces.count;
     dgfemi_mesh_measure_element(mesh, into);
@@ -186,7 +229,7 @@ static int dgfemi_merger_round(dgfemi_merger *merger, int *merged) {
     int e, into;
     *merged = 0;
     for (e = 0; e < mesh->element_count; e++)
-        if (mesh->elements[e].face_count > 0 && mesh->elements[e].volume < merger->limit) dgfemi_heap_push(merger, e);
+        if (dgfemi_is_sliver(mesh, &merger->rule, e)) dgfemi_heap_push(merger, e);
     while (merger->heap_count > 0) {
         dgfemi_sliver sliver = dgfemi_heap_pop(merger);
         const dgfem_element *element = &mesh->elements[sliver.element];
@@ -194,15 +237,14 @@ static int dgfemi_merger_round(dgfemi_merger *merger, int *merged) {
         if (!dgfemi_merger_merge(merger, sliver.element, &into)) return 0;
         if (into == DGFEM_NONE) continue;
         ++*merged;
-        if (mesh->elements[into].volume < merger->limit) dgfemi_heap_push(merger, into);
+        if (dgfemi_is_sliver(mesh, &merger->rule, into)) dgfemi_heap_push(merger, into);
     }
     return 1;
 }
 
-static int dgfemi_mesh_count_slivers(const dgfem_mesh *mesh, dgfem_real limit) {
+static int dgfemi_mesh_count_slivers(const dgfem_mesh *mesh, const dgfemi_merge_rule *rule) {
     int e, count = 0;
-    for (e = 0; e < mesh->element_count; e++)
-        if (mesh->elements[e].face_count > 0 && mesh->elements[e].volume < limit) count++;
+    for (e = 0; e < mesh->element_count; e++) count += dgfemi_is_sliver(mesh, rule, e);
     return count;
 }
 
@@ -213,14 +255,14 @@ static int dgfemi_merger_run(dgfemi_merger *merger, int *merged, int *left) {
     dgfemi_arena arena = dgfemi_arena_make(&mesh->hooks);
     size_t n = (size_t)mesh->element_count;
     int ok, round = 0;
-    *left = dgfemi_mesh_count_slivers(mesh, merger->limit);
-    merger->heap = (dgfemi_sliver *)dgfemi_arena_allocate(&arena, (size_t)*left, sizeof(dgfemi_sliver));
+    *left = dgfemi_mesh_count_slivers(mesh, &merger->rule);
+    merger->heap = (dgfemi_sliver *)dgfemi_arena_allocate(&arena, n, sizeof(dgfemi_sliver));
     merger->mark = (int *)dgfemi_arena_allocate_zero(&arena, n, sizeof(int));
     merger->glued_area = (dgfem_real *)dgfemi_arena_allocate(&arena, n, sizeof(dgfem_real));
     ok = merger->heap && merger->mark && merger->glued_area;
     for (*merged = 0; ok && *left > 0; *merged += round) {
         ok = dgfemi_merger_round(merger, &round);
-        *left = dgfemi_mesh_count_slivers(mesh, merger->limit);
+        *left = dgfemi_mesh_count_slivers(mesh, &merger->rule);
         if (round == 0) break;
     }
     dgfemi_free(&mesh->hooks, merger->neighbours.data);
@@ -231,12 +273,12 @@ static int dgfemi_merger_run(dgfemi_merger *merger, int *merged, int *left) {
 }
 
 /* On a copy, so that a failure leaves the mesh as it was. */
-static dgfem_status dgfemi_mesh_merge(dgfem_mesh *mesh, dgfem_real limit, int *merged, int *left) {
+static dgfem_status dgfemi_mesh_merge(dgfem_mesh *mesh, const dgfemi_merge_rule *rule, int *merged, int *left) {
     dgfemi_merger merger;
     dgfem_status status;
     memset(&merger, 0, sizeof merger);
     merger.mesh = dgfemi_mesh_duplicate(mesh);
-    merger.limit = limit;
+    merger.rule = *rule;
     if (merger.mesh && dgfemi_merger_run(&merger, merged, left)) status = dgfemi_mesh_compact(merger.mesh);
     else status = dgfemi_fail_memory(&mesh->hooks);
     if (!status) dgfemi_mesh_swap(mesh, merger.mesh);
@@ -246,11 +288,14 @@ static dgfem_status dgfemi_mesh_merge(dgfem_mesh *mesh, dgfem_real limit, int *m
 
 DGFEM_API dgfem_status dgfem_mesh_merge_slivers(dgfem_mesh *mesh, dgfem_real volume, int *merged, int *left) {
     dgfem_status status = DGFEM_OK;
+    dgfemi_merge_rule rule;
     int went = 0, stayed = 0;
     if (!mesh) return DGFEM_ERROR_ARGUMENT;
     if (!(volume >= 0) || !dgfemi_is_finite(volume))
         return dgfemi_fail(&mesh->hooks, DGFEM_ERROR_ARGUMENT, "merge slivers: volume %g", (double)volume);
-    if (dgfemi_mesh_count_slivers(mesh, volume) > 0) status = dgfemi_mesh_merge(mesh, volume, &went, &stayed);
+    memset(&rule, 0, sizeof rule);
+    rule.volume = volume;
+    if (dgfemi_mesh_count_slivers(mesh, &rule) > 0) status = dgfemi_mesh_merge(mesh, &rule, &went, &stayed);
     if (status) return status;
     if (merged) *merged = went;
     if (left) *left = stayed;

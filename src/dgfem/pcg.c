@@ -46,8 +46,8 @@ static void dgfemi_vector_add(int count, dgfem_real s, const dgfem_real *x, dgfe
 /* ---- block-Jacobi ---- */
 
 /* From L with A = L L^T (lower half, row-major) to the whole of A^-1 = L^-T L^-1, in place. */
-static void dgfemi_invert_from_cholesky(dgfem_real *a, int n) {
-    int i, j, k;
+static void dgfemi_invert_from_cholesky(dgfem_real *a, int size) {
+    size_t n = (size_t)size, i, j, k;
     for (j = 0; j < n; j++) { /* column j of L^-1: the columns behind it are still those of L */
         a[j * n + j] = 1 / a[j * n + j];
         for (i = j + 1; i < n; i++) {

@@ -4,25 +4,48 @@
 
 /* ---- queries ---- */
 
+/* Whether there is such an element, and the rest position is finite; the other answers are logged. */
+static int dgfemi_can_ask(const dgfem_body *body, int element, dgfem_vec3 rest, const char *what) {
+    if (!body) return 0;
+    if (element < 0 || element >= body->mesh->element_count)
+        (void)dgfemi_fail(&body->hooks, DGFEM_ERROR_INDEX, "%s: element %d, expected 0..%d", what, element,
+                          body->mesh->element_count - 1);
+    else if (!dgfemi_is_finite3(rest))
+        (void)dgfemi_fail(&body->hooks, DGFEM_ERROR_NOT_FINITE, "%s: rest position (%g, %g, %g)", what, (double)rest.x,
+                          (double)rest.y, (double)rest.z);
+    else return 1;
+    return 0;
+}
+
+static dgfem_mat3 dgfemi_zero_mat3(void) {
+    dgfem_mat3 zero;
+    memset(&zero, 0, sizeof zero);
+    return zero;
+}
+
 DGFEM_API dgfem_vec3 dgfem_body_displacement(const dgfem_body *body, int element, dgfem_vec3 rest) {
-    DGFEM_ASSERT(body && element >= 0 && element < body->mesh->element_count);
+    if (!dgfemi_can_ask(body, element, rest, "displacement")) return dgfemi_vec3(0, 0, 0);
     return dgfemi_evaluate(body, body->displacement, element, rest);
 }
 
 DGFEM_API dgfem_vec3 dgfem_body_velocity(const dgfem_body *body, int element, dgfem_vec3 rest) {
-    DGFEM_ASSERT(body && element >= 0 && element < body->mesh->element_count);
+    if (!dgfemi_can_ask(body, element, rest, "velocity")) return dgfemi_vec3(0, 0, 0);
     return dgfemi_evaluate(body, body->velocity, element, rest);
 }
 
-DGFEM_API dgfem_mat3 dgfem_body_gradient(const dgfem_body *body, int element, dgfem_vec3 rest) {
+static dgfem_mat3 dgfemi_gradient(const dgfem_body *body, int element, dgfem_vec3 rest) {
     dgfem_vec3 gradients[DGFEM_MAX_BASIS];
     dgfem_mat3 f = dgfemi_identity();
-    DGFEM_ASSERT(body && element >= 0 && element < body->mesh->element_count);
     int start = body->basis_start[element];
     dgfemi_basis_gradients(body->degree[element], body->origin[element], body->scale[element], rest, gradients);
     for (int i = 1; i < body->basis_start[element + 1] - start; i++)
         dgfemi_add_outer(&f, 1, body->displacement[start + i], gradients[i]);
     return f;
+}
+
+DGFEM_API dgfem_mat3 dgfem_body_gradient(const dgfem_body *body, int element, dgfem_vec3 rest) {
+    if (!dgfemi_can_ask(body, element, rest, "gradient")) return dgfemi_identity();
+    return dgfemi_gradient(body, element, rest);
 }
 
 /* The current rotation of one element: that of its displacement now, not of the last step's start. */
@@ -31,27 +54,85 @@ static dgfem_mat3 dgfemi_rotation_now(const dgfem_body *body, int element) {
     return dgfem_rotation_of(dgfemi_mean_gradient(body, element), body->rotation[element]);
 }
 
-DGFEM_API dgfem_mat3 dgfem_body_stress(const dgfem_body *body, int element, dgfem_vec3 rest) {
-    dgfem_mat3 f = dgfem_body_gradient(body, element, rest), r = dgfemi_rotation_now(body, element);
-    dgfem_mat3 rt = dgfemi_transposed(&r), stretch = dgfemi_multiply3(&rt, &f), stress;
-    dgfem_real lambda = dgfemi_lambda(&body->material[element]), mu = dgfemi_mu(&body->material[element]);
-    dgfem_real volumetric = lambda * (dgfemi_trace(&stretch) - 3);
+/* Strain of a deformation gradient in the element's rotated frame: sym(R^T F) - I. */
+static dgfem_mat3 dgfemi_rotated_strain(const dgfem_mat3 *r, const dgfem_mat3 *f) {
+    dgfem_mat3 rt = dgfemi_transposed(r), stretch = dgfemi_multiply3(&rt, f), strain;
     for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++)
-            stress.m[i][j] = mu * (stretch.m[i][j] + stretch.m[j][i]) + (i == j ? volumetric - 2 * mu : 0);
-    stress = dgfemi_multiply3(&r, &stress);
-    return dgfemi_multiply3(&stress, &rt);
+        for (int j = 0; j < 3; j++) strain.m[i][j] = (stretch.m[i][j] + stretch.m[j][i]) / 2 - (i == j ? 1 : 0);
+    return strain;
+}
+
+/* R a R^T: from the element's rotated frame to world axes. */
+static dgfem_mat3 dgfemi_to_world(const dgfem_mat3 *r, const dgfem_mat3 *a) {
+    dgfem_mat3 rt = dgfemi_transposed(r), ra = dgfemi_multiply3(r, a);
+    return dgfemi_multiply3(&ra, &rt);
+}
+
+static dgfem_mat3 dgfemi_strain_of(const dgfem_body *body, int element, const dgfem_mat3 *f) {
+    dgfem_mat3 r = dgfemi_rotation_now(body, element), strain = dgfemi_rotated_strain(&r, f);
+    return dgfemi_to_world(&r, &strain);
+}
+
+static dgfem_mat3 dgfemi_stress_of(const dgfem_body *body, int element, const dgfem_mat3 *f) {
+    dgfem_mat3 r = dgfemi_rotation_now(body, element), stress = dgfemi_rotated_strain(&r, f);
+    dgfem_real mu = dgfemi_mu(&body->material[element]);
+    dgfem_real volumetric = dgfemi_lambda(&body->material[element]) * dgfemi_trace(&stress);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) stress.m[i][j] = 2 * mu * stress.m[i][j] + (i == j ? volumetric : 0);
+    return dgfemi_to_world(&r, &stress);
+}
+
+DGFEM_API dgfem_mat3 dgfem_body_strain(const dgfem_body *body, int element, dgfem_vec3 rest) {
+    if (!dgfemi_can_ask(body, element, rest, "strain")) return dgfemi_zero_mat3();
+    dgfem_mat3 f = dgfemi_gradient(body, element, rest);
+    return dgfemi_strain_of(body, element, &f);
+}
+
+DGFEM_API dgfem_mat3 dgfem_body_stress(const dgfem_body *body, int element, dgfem_vec3 rest) {
+    if (!dgfemi_can_ask(body, element, rest, "stress")) return dgfemi_zero_mat3();
+    dgfem_mat3 f = dgfemi_gradient(body, element, rest);
+    return dgfemi_stress_of(body, element, &f);
+}
+
+/* Strain and stress are linear in the gradient, so their means are those of its mean. */
+DGFEM_API dgfem_mat3 dgfem_body_mean_strain(const dgfem_body *body, int element) {
+    if (!dgfemi_can_ask(body, element, dgfemi_vec3(0, 0, 0), "mean_strain")) return dgfemi_zero_mat3();
+    dgfem_mat3 f = dgfemi_mean_gradient(body, element);
+    return dgfemi_strain_of(body, element, &f);
+}
+
+DGFEM_API dgfem_mat3 dgfem_body_mean_stress(const dgfem_body *body, int element) {
+    if (!dgfemi_can_ask(body, element, dgfemi_vec3(0, 0, 0), "mean_stress")) return dgfemi_zero_mat3();
+    dgfem_mat3 f = dgfemi_mean_gradient(body, element);
+    return dgfemi_stress_of(body, element, &f);
+}
+
+DGFEM_API void dgfem_body_principal_stress(const dgfem_body *body, int element, dgfem_vec3 rest, dgfem_real values[3],
+                                           dgfem_mat3 *directions) {
+    dgfem_mat3 vectors;
+    dgfem_eigen_symmetric(dgfem_body_stress(body, element, rest), values, directions ? directions : &vectors);
+}
+
+DGFEM_API void dgfem_body_mean_principal_stress(const dgfem_body *body, int element, dgfem_real values[3],
+                                                dgfem_mat3 *directions) {
+    dgfem_mat3 vectors;
+    dgfem_eigen_symmetric(dgfem_body_mean_stress(body, element), values, directions ? directions : &vectors);
 }
 
 DGFEM_API dgfem_mat3 dgfem_body_rotation(const dgfem_body *body, int element) {
-    DGFEM_ASSERT(body && element >= 0 && element < body->mesh->element_count);
+    if (!dgfemi_can_ask(body, element, dgfemi_vec3(0, 0, 0), "rotation")) return dgfemi_identity();
     return dgfemi_rotation_now(body, element);
 }
 
 DGFEM_API dgfem_vec3 dgfem_body_face_displacement(const dgfem_body *body, int face) {
-    DGFEM_ASSERT(body && face >= 0 && face < body->mesh->face_count);
-    const dgfem_face *f = &body->mesh->faces[face];
     dgfem_vec3 sum = dgfemi_vec3(0, 0, 0);
+    if (!body) return sum;
+    if (face < 0 || face >= body->mesh->face_count) {
+        (void)dgfemi_fail(&body->hooks, DGFEM_ERROR_INDEX, "face_displacement: face %d, expected 0..%d", face,
+                          body->mesh->face_count - 1);
+        return sum;
+    }
+    const dgfem_face *f = &body->mesh->faces[face];
     int sides = f->element[1] == DGFEM_NONE ? 1 : 2;
     for (int s = 0; s < sides; s++) {
         int e = f->element[s], start = body->basis_start[e];
@@ -90,7 +171,7 @@ DGFEM_API dgfem_status dgfem_body_set_affine_velocity(dgfem_body *body, dgfem_ma
 
 /* ---- conserved quantities ---- */
 
-/* int_element N_i position for one element: rest position is origin + scale * (linear monomials). */
+/* Coefficient i of the element's deformed position x + u(x), where x = origin + scale * (linear monomials). */
 static dgfem_vec3 dgfemi_position_coefficient(const dgfem_body *body, int element, int i) {
     dgfem_vec3 x = body->displacement[body->basis_start[element] + i];
     if (i == 0) x = dgfemi_add(x, body->origin[element]);
@@ -102,7 +183,7 @@ static dgfem_vec3 dgfemi_position_coefficient(const dgfem_body *body, int elemen
 
 DGFEM_API dgfem_real dgfem_body_mass(const dgfem_body *body) {
     dgfem_real mass = 0;
-    for (int e = 0; e < body->mesh->element_count; e++)
+    for (int e = 0; body && e < body->mesh->element_count; e++)
         mass += body->material[e].density * body->mesh->elements[e].volume;
     return mass;
 }
@@ -152,32 +233,24 @@ static dgfem_real dgfemi_gravity_energy(const dgfem_body *body) {
     return energy;
 }
 
-/* Rotations of the current displacement in temporary memory; NULL when there is none. */
-static dgfem_mat3 *dgfemi_rotations_now(const dgfem_body *body) {
-    dgfem_mat3 *rotation =
-        (dgfem_mat3 *)dgfemi_allocate(&body->hooks, (size_t)body->mesh->element_count, sizeof *rotation);
-    if (rotation) dgfemi_rotations(body, rotation);
-    return rotation;
-}
-
 DGFEM_API dgfem_status dgfem_body_energy(const dgfem_body *body, dgfem_energy *out) {
-    if (!body || !out) return DGFEM_ERROR_ARGUMENT;
-    dgfem_mat3 *rotation = dgfemi_rotations_now(body);
-    if (!rotation) return dgfemi_fail_memory(&body->hooks);
+    if (!body) return DGFEM_ERROR_ARGUMENT;
+    dgfem_status status = dgfemi_check_out(&body->hooks, out, "energy");
+    if (status) return status;
+    dgfemi_rotations(body, dgfemi_next_rotation(body));
     out->kinetic = dgfemi_kinetic_energy(body);
-    out->elastic = dgfemi_elastic_energy(body, rotation, NULL);
+    out->elastic = dgfemi_elastic_energy(body, dgfemi_next_rotation(body), 1, NULL);
     out->gravity = dgfemi_gravity_energy(body);
-    dgfemi_free(&body->hooks, rotation);
     return DGFEM_OK;
 }
 
 DGFEM_API dgfem_status dgfem_body_internal_force(const dgfem_body *body, dgfem_vec3 *out) {
-    if (!body || !out) return DGFEM_ERROR_ARGUMENT;
-    dgfem_mat3 *rotation = dgfemi_rotations_now(body);
-    if (!rotation) return dgfemi_fail_memory(&body->hooks);
+    if (!body) return DGFEM_ERROR_ARGUMENT;
+    dgfem_status status = dgfemi_check_out(&body->hooks, out, "internal_force");
+    if (status) return status;
+    dgfemi_rotations(body, dgfemi_next_rotation(body));
     memset(out, 0, (size_t)body->basis_count * sizeof *out);
-    (void)dgfemi_elastic_energy(body, rotation, out);
-    dgfemi_free(&body->hooks, rotation);
+    (void)dgfemi_elastic_energy(body, dgfemi_next_rotation(body), 1, out);
     return DGFEM_OK;
 }
 
@@ -185,9 +258,22 @@ DGFEM_API dgfem_status dgfem_body_internal_force(const dgfem_body *body, dgfem_v
    centroid stands for the mean. */
 DGFEM_API dgfem_real dgfem_body_volume(const dgfem_body *body) {
     dgfem_real volume = 0;
-    for (int e = 0; e < body->mesh->element_count; e++) {
-        dgfem_mat3 f = dgfem_body_gradient(body, e, body->origin[e]);
+    for (int e = 0; body && e < body->mesh->element_count; e++) {
+        dgfem_mat3 f = dgfemi_gradient(body, e, body->origin[e]);
         volume += dgfemi_determinant(&f) * body->mesh->elements[e].volume;
     }
     return volume;
+}
+
+DGFEM_API dgfem_status dgfem_body_element_mass(const dgfem_body *body, int element, dgfem_real *out) {
+    if (!body) return DGFEM_ERROR_ARGUMENT;
+    dgfem_status status = dgfemi_check_out(&body->hooks, out, "element_mass");
+    if (status) return status;
+    if (element < 0 || element >= body->mesh->element_count)
+        return dgfemi_fail(&body->hooks, DGFEM_ERROR_INDEX, "mass: element %d of %d", element,
+                           body->mesh->element_count);
+    const dgfem_real *mass = dgfemi_form_mass(body->forms, element);
+    int count = body->forms->elements[element].count;
+    for (int i = 0; i < count * count; i++) out[i] = body->material[element].density * mass[i];
+    return DGFEM_OK;
 }

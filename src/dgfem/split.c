@@ -47,8 +47,7 @@ static dgfem_status dgfemi_split_sort_cut(dgfemi_splitter *s, int code, const dg
         ok = dgfemi_push(hooks, &s->below, 2 * (cut.first + i) + inwards);
         if (ok && !known) ok = dgfemi_push(hooks, &s->touching, 2 * (cut.first + i) + inwards);
     }
-    for (i = 0; ok && i < cut.above; i++)
-        ok = dgfemi_push(hooks, &s->above, 2 * (cut.first + cut.below + i) + inwards);
+    for (i = 0; ok && i < cut.above; i++) ok = dgfemi_push(hooks, &s->above, 2 * (cut.first + cut.below + i) + inwards);
     if (ok && known) ok = dgfemi_segment_push(hooks, &s->caps, inwards ? cut.p : cut.q, inwards ? cut.q : cut.p);
     return ok ? DGFEM_OK : DGFEM_ERROR_MEMORY;
 }
@@ -100,7 +99,8 @@ static dgfem_status dgfemi_split_add_caps(dgfemi_splitter *s, int element, int *
     like.normal = s->normal;
     s->pieces.count = 0;
     for (i = 0; i < s->caps.count; i++)
-        if (!dgfemi_segment_push(hooks, &s->pieces, s->caps.data[i].from, s->caps.data[i].to)) return DGFEM_ERROR_MEMORY;
+        if (!dgfemi_segment_push(hooks, &s->pieces, s->caps.data[i].from, s->caps.data[i].to))
+            return DGFEM_ERROR_MEMORY;
     for (i = 0; i < s->touching.count; i++)
         if (!dgfemi_split_list_touching(s, s->touching.data[i])) return DGFEM_ERROR_MEMORY;
     *first = s->mesh->face_count;
@@ -282,7 +282,7 @@ static dgfem_status dgfemi_split_renew_neighbours(dgfemi_splitter *s) {
 /* The crossing vertex on an edge, or DGFEM_NONE. */
 static int dgfemi_split_find_crossing(const dgfemi_splitter *s, int a, int b) {
     const dgfemi_edge_slot *slot;
-    if (dgfemi_split_sign(s, a) * dgfemi_split_sign(s, b) >= 0) return DGFEM_NONE;
+    if (!s->local && dgfemi_split_sign(s, a) * dgfemi_split_sign(s, b) >= 0) return DGFEM_NONE; /* quick */
     slot = dgfemi_edge_map_at(&s->crossings, a, b);
     return dgfemi_edge_map_has(&s->crossings, slot) ? slot->value : DGFEM_NONE;
 }
@@ -317,8 +317,8 @@ static dgfem_status dgfemi_split_reloop_face(dgfemi_splitter *s, int f) {
         if (dgfemi_mesh_add_loop(mesh, s->scratch_a.data, s->scratch_a.count) == DGFEM_NONE) return DGFEM_ERROR_MEMORY;
     }
     if (s->reloop_count == s->reloop_capacity) {
-        void *grown = dgfemi_grow(hooks, s->reloops, &s->reloop_capacity, s->reloop_count + 1,
-                                  sizeof(dgfemi_split_reloop));
+        void *grown =
+            dgfemi_grow(hooks, s->reloops, &s->reloop_capacity, s->reloop_count + 1, sizeof(dgfemi_split_reloop));
         if (!grown) return DGFEM_ERROR_MEMORY;
         s->reloops = (dgfemi_split_reloop *)grown;
     }
@@ -337,6 +337,24 @@ static dgfem_status dgfemi_split_reloop_faces(dgfemi_splitter *s) {
         if (face->element[0] == DGFEM_NONE || s->cut[f].generation == s->generation) continue;
         if (dgfemi_split_has_crossing(s, face)) status = dgfemi_split_reloop_face(s, f);
     }
+    return status;
+}
+
+/* The same by way of the split edges alone. */
+static dgfem_status dgfemi_split_reloop_near(dgfemi_splitter *s) {
+    dgfem_status status = DGFEM_OK;
+    int i, entry;
+    for (i = 0; !status && i < s->crossed.count; i += 2)
+        for (entry = s->incidence.head[s->crossed.data[i]]; !status && entry != DGFEM_NONE;
+             entry = s->incidence.entries.data[entry + 1]) {
+            int f = s->incidence.entries.data[entry];
+            if (f >= s->face_count || s->mesh->faces[f].element[0] == DGFEM_NONE) continue;
+            if (s->cut[f].generation == s->generation) continue; /* cut, or relooped before */
+            if (!dgfemi_split_has_crossing(s, &s->mesh->faces[f])) continue;
+            memset(&s->cut[f], 0, sizeof s->cut[f]);
+            s->cut[f].generation = s->generation;
+            status = dgfemi_split_reloop_face(s, f);
+        }
     return status;
 }
 
@@ -415,7 +433,8 @@ static dgfem_status dgfemi_split_begin(dgfemi_splitter *s) {
     s->vertex_count = mesh->vertex_count, s->face_count = mesh->face_count;
     s->loop_count = mesh->loop_count, s->loop_vertex_count = mesh->loop_vertex_count;
     s->child_count = s->reloop_count = 0;
-    s->child_faces.count = s->cut_faces.count = 0;
+    s->child_faces.count = s->cut_faces.count = s->crossed.count = 0;
+    ok = ok && (!s->local || dgfemi_incidence_grow(mesh, &s->incidence)); /* the first time: all faces */
     if (++s->generation == 0) {
         memset(s->cut, 0, (size_t)s->cut_capacity * sizeof(dgfemi_cut_face));
         memset(s->element_mark, 0, (size_t)s->element_mark_capacity * sizeof(unsigned));
@@ -431,6 +450,24 @@ static void dgfemi_split_roll_back(dgfemi_splitter *s) {
     mesh->loop_count = s->loop_count, mesh->loop_vertex_count = s->loop_vertex_count;
 }
 
+/* Enters the new vertices of faces that got new loops. 1 on success, 0 when out of memory. */
+static int dgfemi_split_grow_incidence(dgfemi_splitter *s) {
+    int i, ok = dgfemi_incidence_grow(s->mesh, &s->incidence);
+    for (i = 0; ok && i < s->reloop_count; i++)
+        ok = dgfemi_incidence_enter(s->mesh, &s->incidence, s->reloops[i].face, s->vertex_count);
+    return ok;
+}
+
+/* Brings the surroundings up to date and commits, or forgets all that was done. */
+static dgfem_status dgfemi_split_end(dgfemi_splitter *s, dgfem_status status) {
+    if (!status && !s->all) status = dgfemi_split_renew_neighbours(s);
+    if (!status && !s->all) status = s->local ? dgfemi_split_reloop_near(s) : dgfemi_split_reloop_faces(s);
+    if (!status) status = dgfemi_split_commit(s);
+    if (status) dgfemi_split_roll_back(s);
+    else if (s->local && !dgfemi_split_grow_incidence(s)) status = DGFEM_ERROR_MEMORY; /* the mesh is a copy */
+    return status == DGFEM_ERROR_MEMORY ? dgfemi_fail_memory(&s->mesh->hooks) : status;
+}
+
 /* Splits elements that all have vertices below and above the plane that is set. Their children are s->children[]; the
    first one of each parent is below and keeps the parent's index. On failure the mesh is as it was. */
 static dgfem_status dgfemi_split_straddling(dgfemi_splitter *s, const int *elements, int count) {
@@ -441,11 +478,20 @@ static dgfem_status dgfemi_split_straddling(dgfemi_splitter *s, const int *eleme
         status = dgfemi_split_element(s, elements[i]);
         s->failed_element = elements[i];
     }
-    if (!status && !s->all) status = dgfemi_split_renew_neighbours(s);
-    if (!status && !s->all) status = dgfemi_split_reloop_faces(s);
-    if (!status) status = dgfemi_split_commit(s);
-    if (status) dgfemi_split_roll_back(s);
-    return status == DGFEM_ERROR_MEMORY ? dgfemi_fail_memory(&s->mesh->hooks) : status;
+    return dgfemi_split_end(s, status);
+}
+
+/* Cuts faces that all have vertices below and above the plane that is set; elements stay whole. The parts of face f are
+   s->cut[f].first and those after it. On failure the mesh is as it was. */
+static dgfem_status dgfemi_split_faces(dgfemi_splitter *s, const int *faces, int count) {
+    dgfem_status status = dgfemi_split_begin(s);
+    dgfemi_cut_face cut;
+    int i;
+    for (i = 0; !status && i < count; i++) {
+        dgfemi_face_signs signs = dgfemi_split_count_signs(s, &s->mesh->faces[faces[i]]);
+        status = dgfemi_split_cut_face(s, faces[i], signs.simple, &cut);
+    }
+    return dgfemi_split_end(s, status);
 }
 
 /* ---- axis planes ---- */
@@ -467,25 +513,44 @@ static int dgfemi_split_set_axis(dgfemi_splitter *s, int axis) {
 
 /* ---- any plane ---- */
 
-/* Heights of all vertices above the plane. What round-off alone may have put beside it counts as on it, so that a second
-   cut where there is one already changes nothing. 1 on success, 0 when out of memory. */
-static int dgfemi_split_set_plane(dgfemi_splitter *s, dgfem_plane plane) {
+static void dgfemi_split_set_height(dgfemi_splitter *s, int vertex, dgfem_real *size) {
+    dgfem_vec3 p = s->mesh->vertices[vertex], n = s->plane.normal;
+    *size = dgfemi_max(*size, dgfemi_abs(n.x * p.x) + dgfemi_abs(n.y * p.y) + dgfemi_abs(n.z * p.z));
+    s->height[vertex] = dgfemi_dot(n, p) - s->plane.offset;
+}
+
+static void dgfemi_split_set_element_heights(dgfemi_splitter *s, int element, dgfem_real *size) {
+    const dgfem_mesh *mesh = s->mesh;
+    const dgfem_element *e = &mesh->elements[element];
+    int k, l, i;
+    for (k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        for (l = face->loop_start; l < face->loop_start + face->loop_count; l++)
+            for (i = 0; i < mesh->loops[l].count; i++)
+                dgfemi_split_set_height(s, mesh->loop_vertices[mesh->loops[l].start + i], size);
+    }
+}
+
+/* Heights above the plane, of all vertices or, for a local split, of those of the given elements. What round-off alone
+   may have put beside the plane counts as on it, so that a second cut where there is one already changes nothing. 1 on
+   success, 0 when out of memory. */
+static int dgfemi_split_set_plane(dgfemi_splitter *s, dgfem_plane plane, const int *elements, int count) {
     const dgfem_mesh *mesh = s->mesh;
     dgfem_vec3 n = plane.normal;
     dgfem_real size = dgfemi_abs(plane.offset);
     void *height = s->height;
-    int v, ok = dgfemi_mesh_room(&mesh->hooks, &height, 0, &s->height_capacity, mesh->vertex_count, sizeof(dgfem_real));
+    int v, i,
+        ok = dgfemi_mesh_room(&mesh->hooks, &height, 0, &s->height_capacity, mesh->vertex_count, sizeof(dgfem_real));
     s->height = (dgfem_real *)height;
     if (!ok) return 0;
     s->axis = DGFEM_NONE;
     s->plane = plane;
     s->normal = dgfemi_abs(dgfemi_dot(n, n) - 1) <= 4 * DGFEM_EPSILON ? n : dgfemi_normalized(n);
     s->snapped = 0;
-    for (v = 0; v < mesh->vertex_count; v++) {
-        dgfem_vec3 p = mesh->vertices[v];
-        size = dgfemi_max(size, dgfemi_abs(n.x * p.x) + dgfemi_abs(n.y * p.y) + dgfemi_abs(n.z * p.z));
-        s->height[v] = dgfemi_dot(n, p) - plane.offset;
-    }
+    if (s->local)
+        for (i = 0; i < count; i++) dgfemi_split_set_element_heights(s, elements[i], &size);
+    else
+        for (v = 0; v < mesh->vertex_count; v++) dgfemi_split_set_height(s, v, &size);
     s->high = 16 * DGFEM_EPSILON * size;
     s->low = -s->high;
     return 1;
@@ -588,7 +653,7 @@ static void dgfemi_split_snap(dgfemi_splitter *s, const int *elements, int count
 /* Sets the plane and selects those of the elements (NULL: of the first `count`) that straddle it. */
 static dgfem_status dgfemi_split_select(dgfemi_splitter *s, dgfem_plane plane, const int *elements, int count) {
     int i;
-    if (!dgfemi_split_set_plane(s, plane)) return dgfemi_fail_memory(&s->mesh->hooks);
+    if (!dgfemi_split_set_plane(s, plane, elements, count)) return dgfemi_fail_memory(&s->mesh->hooks);
     if (s->snap > 0) dgfemi_split_snap(s, elements, count);
     s->selected.count = 0;
     for (i = 0; i < count; i++) {
@@ -618,8 +683,7 @@ static void dgfemi_split_release(dgfemi_splitter *s, int element) {
     for (k = e->face_start; k < e->face_start + e->face_count; k++) {
         const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
         for (l = face->loop_start; l < face->loop_start + face->loop_count; l++)
-            for (i = 0; i < mesh->loops[l].count; i++)
-                s->snap_mark[mesh->loop_vertices[mesh->loops[l].start + i]] = -1;
+            for (i = 0; i < mesh->loops[l].count; i++) s->snap_mark[mesh->loop_vertices[mesh->loops[l].start + i]] = -1;
     }
 }
 
@@ -743,7 +807,8 @@ static dgfem_status dgfemi_split_parts(dgfem_mesh *mesh, dgfem_plane plane, dgfe
         status = dgfem_mesh_element_polyhedron(mesh, 0, &parts[0]);
         if (!status) status = dgfem_mesh_element_polyhedron(mesh, 1, &parts[1]);
     } else if (!status) {
-        for (i = 0; i < mesh->loop_vertex_count && dgfemi_split_sign(&s, mesh->loop_vertices[i]) >= 0; i++) {}
+        for (i = 0; i < mesh->loop_vertex_count && dgfemi_split_sign(&s, mesh->loop_vertices[i]) >= 0; i++) {
+        }
         status = dgfem_mesh_element_polyhedron(mesh, 0, &parts[i == mesh->loop_vertex_count]);
     }
     dgfemi_splitter_free(&s);

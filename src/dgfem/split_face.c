@@ -44,6 +44,14 @@ typedef struct dgfemi_lattice {
     dgfem_real noise;
 } dgfemi_lattice;
 
+/* The faces at each vertex, as lists that new faces are added to; dead faces stay in them. */
+typedef struct dgfemi_incidence {
+    int *head;           /* [vertex_count] first entry, or DGFEM_NONE */
+    dgfemi_ints entries; /* pairs: face, next entry */
+    int vertex_count, head_capacity;
+    int face_count; /* faces entered */
+} dgfemi_incidence;
+
 /* One splitter serves many planes: what it allocates is kept. */
 typedef struct dgfemi_splitter {
     dgfem_mesh *mesh;
@@ -55,6 +63,7 @@ typedef struct dgfemi_splitter {
                                       edge that is split */
     int measure;                   /* 1: new faces and elements are measured */
     const dgfemi_lattice *lattice; /* or NULL */
+    int local; /* 1: a plane concerns the given elements only; all that a split costs is near them */
 
     /* the plane */
     dgfem_vec3 normal;    /* unit */
@@ -64,7 +73,7 @@ typedef struct dgfemi_splitter {
     dgfem_plane plane;    /* not for an axis */
     int snapped;          /* 1: some vertex counts as on the plane that is off it by more than round-off */
     signed char *snap_mark; /* [vertex_count] 1: to be snapped; -1: must not be */
-    dgfem_real *extent;   /* [2 * face_count] axis: the face's lowest and highest coordinate; not known when reversed */
+    dgfem_real *extent; /* [2 * face_count] axis: the face's lowest and highest coordinate; not known when reversed */
     int height_capacity, snap_mark_capacity, extent_capacity, extent_count;
     dgfemi_ints selected; /* elements that straddle the plane */
 
@@ -76,17 +85,19 @@ typedef struct dgfemi_splitter {
     unsigned *element_mark;                                      /* [element_count] given or renewed */
     int cut_capacity, element_mark_capacity;
     dgfemi_ints cut_faces;
-    int failed_element;                                          /* on failure: the last one tried */
+    int failed_element; /* on failure: the last one tried */
     dgfemi_split_child *children;
-    dgfemi_ints child_faces;                                     /* codes */
+    dgfemi_ints child_faces; /* codes */
     dgfemi_split_reloop *reloops;
     int child_count, child_capacity, reloop_count, reloop_capacity;
+    dgfemi_incidence incidence; /* local */
+    dgfemi_ints crossed;        /* local: the edges split, as pairs of vertices */
 
     /* one element: codes as in parts.c */
     dgfemi_ints below, above;
-    dgfemi_ints touching;   /* those below that may have unknown edges in the plane */
-    dgfemi_segments caps;   /* known edges of the caps */
-    int coplanar;           /* 1: some face has all its vertices on the plane */
+    dgfemi_ints touching; /* those below that may have unknown edges in the plane */
+    dgfemi_segments caps; /* known edges of the caps */
+    int coplanar;         /* 1: some face has all its vertices on the plane */
     dgfemi_parts parts;
 
     /* one face */
@@ -124,6 +135,9 @@ static void dgfemi_splitter_free(dgfemi_splitter *s) {
     dgfemi_free(hooks, s->children);
     dgfemi_free(hooks, s->child_faces.data);
     dgfemi_free(hooks, s->reloops);
+    dgfemi_free(hooks, s->incidence.head);
+    dgfemi_free(hooks, s->incidence.entries.data);
+    dgfemi_free(hooks, s->crossed.data);
     dgfemi_free(hooks, s->below.data);
     dgfemi_free(hooks, s->above.data);
     dgfemi_free(hooks, s->touching.data);
@@ -149,14 +163,47 @@ static int dgfemi_split_room(const dgfem_hooks *hooks, dgfemi_ints *ints, int ex
 
 static int dgfemi_crossing_push(const dgfem_hooks *hooks, dgfemi_crossings *crossings, dgfem_real t, int vertex) {
     if (crossings->count == crossings->capacity) {
-        void *grown = dgfemi_grow(hooks, crossings->data, &crossings->capacity, crossings->count + 1,
-                                  sizeof(dgfemi_crossing));
+        void *grown =
+            dgfemi_grow(hooks, crossings->data, &crossings->capacity, crossings->count + 1, sizeof(dgfemi_crossing));
         if (!grown) return 0;
         crossings->data = (dgfemi_crossing *)grown;
     }
     crossings->data[crossings->count].t = t;
     crossings->data[crossings->count++].vertex = vertex;
     return 1;
+}
+
+/* ---- the faces at a vertex ---- */
+
+/* Enters a face at its vertices, from a vertex on. */
+static int dgfemi_incidence_enter(const dgfem_mesh *mesh, dgfemi_incidence *incidence, int face, int first_vertex) {
+    const dgfem_face *f = &mesh->faces[face];
+    int l, i;
+    for (l = f->loop_start; l < f->loop_start + f->loop_count; l++)
+        for (i = 0; i < mesh->loops[l].count; i++) {
+            int v = mesh->loop_vertices[mesh->loops[l].start + i], *head = &incidence->head[v];
+            int entry = incidence->entries.count;
+            if (v < first_vertex) continue;
+            if (!dgfemi_push(&mesh->hooks, &incidence->entries, face) ||
+                !dgfemi_push(&mesh->hooks, &incidence->entries, *head))
+                return 0;
+            *head = entry;
+        }
+    return 1;
+}
+
+/* Enters what the mesh has gained since the last call. 1 on success, 0 when out of memory. */
+static int dgfemi_incidence_grow(const dgfem_mesh *mesh, dgfemi_incidence *incidence) {
+    void *head = incidence->head;
+    int ok = dgfemi_mesh_room(&mesh->hooks, &head, 0, &incidence->head_capacity, mesh->vertex_count, sizeof(int));
+    incidence->head = (int *)head;
+    if (!ok) return 0;
+    for (; incidence->vertex_count < mesh->vertex_count; incidence->vertex_count++)
+        incidence->head[incidence->vertex_count] = DGFEM_NONE;
+    for (; ok && incidence->face_count < mesh->face_count; incidence->face_count++)
+        if (mesh->faces[incidence->face_count].element[0] != DGFEM_NONE)
+            ok = dgfemi_incidence_enter(mesh, incidence, incidence->face_count, 0);
+    return ok;
 }
 
 /* ---- vertices ---- */
@@ -218,6 +265,8 @@ static int dgfemi_split_crossing(dgfemi_splitter *s, int a, int b) {
     if (s->lattice) dgfemi_lattice_snap(s->lattice, &p);
     vertex = dgfemi_split_add_vertex(s, p);
     if (vertex == DGFEM_NONE) return DGFEM_NONE;
+    if (s->local && (!dgfemi_push(&s->mesh->hooks, &s->crossed, a) || !dgfemi_push(&s->mesh->hooks, &s->crossed, b)))
+        return DGFEM_NONE;
     return dgfemi_edge_map_set(&s->mesh->hooks, &s->crossings, slot, a, b, vertex) ? vertex : DGFEM_NONE;
 }
 
@@ -282,7 +331,8 @@ static dgfem_status dgfemi_split_add_bent(dgfemi_splitter *s, const dgfem_face *
         int triangle[3];
         dgfem_vec3 p = mesh->vertices[centre], a, b, area;
         dgfem_real flat;
-        triangle[0] = centre, triangle[1] = s->scratch_a.data[i % count], triangle[2] = s->scratch_a.data[(i + 1) % count];
+        triangle[0] = centre, triangle[1] = s->scratch_a.data[i % count],
+        triangle[2] = s->scratch_a.data[(i + 1) % count];
         a = dgfemi_sub(mesh->vertices[triangle[1]], p), b = dgfemi_sub(mesh->vertices[triangle[2]], p);
         area = dgfemi_cross(a, b), flat = dgfemi_dot(area, s->normal);
         if (i < count) {
@@ -305,7 +355,8 @@ static dgfem_status dgfemi_split_add_region(dgfemi_splitter *s, const dgfem_face
     for (loop = 0; loop < dgfemi_join_loop_count(joiner); loop++) {
         int start = joiner->start.data[loop], count = joiner->start.data[loop + 1] - start;
         if (joiner->owner.data[loop] != outer) continue;
-        if (dgfemi_mesh_add_loop(s->mesh, joiner->vertices.data + start, count) == DGFEM_NONE) return DGFEM_ERROR_MEMORY;
+        if (dgfemi_mesh_add_loop(s->mesh, joiner->vertices.data + start, count) == DGFEM_NONE)
+            return DGFEM_ERROR_MEMORY;
         loops++;
     }
     if (is_cap && dgfemi_split_is_bent(s, loops)) return dgfemi_split_add_bent(s, like, loops);
@@ -536,8 +587,8 @@ static int dgfemi_split_push_line(dgfemi_splitter *s, const dgfem_face *face, in
     const dgfem_hooks *hooks = &s->mesh->hooks;
     int middle;
     if (!dgfemi_split_is_taken(s, face, from, to)) return dgfemi_segment_push(hooks, &s->lines, from, to);
-    middle = dgfemi_split_add_vertex(s, dgfemi_scale(DGFEM_R(0.5), dgfemi_add(s->mesh->vertices[from],
-                                                                             s->mesh->vertices[to])));
+    middle = dgfemi_split_add_vertex(
+        s, dgfemi_scale(DGFEM_R(0.5), dgfemi_add(s->mesh->vertices[from], s->mesh->vertices[to])));
     return middle != DGFEM_NONE && dgfemi_segment_push(hooks, &s->lines, from, middle) &&
            dgfemi_segment_push(hooks, &s->lines, middle, to);
 }
@@ -628,4 +679,3 @@ static dgfem_status dgfemi_split_cut_face(dgfemi_splitter *s, int f, int simple,
     if (!status && !dgfemi_push(&s->mesh->hooks, &s->cut_faces, f)) status = DGFEM_ERROR_MEMORY;
     return status;
 }
-

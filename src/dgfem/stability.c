@@ -28,7 +28,8 @@ static void dgfemi_traction_coefficients(const dgfemi_face_frame *frame, int j, 
             if (axis == 1) gradient[lower].y += d;
             if (axis == 2) gradient[lower].z += d;
         }
-    for (int k = 0; k < lower_count; k++) out[k] = dgfemi_elastic_block(lambda, mu, n, gradient[k]);
+    memset(out, 0, (size_t)lower_count * sizeof *out);
+    for (int k = 0; k < lower_count; k++) dgfemi_add_elastic(lambda, mu, n, gradient[k], &out[k]);
 }
 
 /* a += s int_f T_i^T W T_j for all functions of the element, which is side 0 of the frame. */
@@ -66,8 +67,8 @@ static void dgfemi_stability_pair(const dgfem_body *body, int element, dgfem_rea
     dgfem_real lambda = dgfemi_lambda(&body->material[element]), mu = dgfemi_mu(&body->material[element]);
     dgfem_mat3 identity = dgfemi_identity();
     const dgfem_real *g = dgfemi_form_stiffness(forms, element);
-    memset(a, 0, (size_t)(size * size) * sizeof *a);
-    memset(b, 0, (size_t)(size * size) * sizeof *b);
+    memset(a, 0, (size_t)size * (size_t)size * sizeof *a);
+    memset(b, 0, (size_t)size * (size_t)size * sizeof *b);
     for (int i = 1; i < n; i++)
         for (int j = 1; j < n; j++, g += 9) {
             dgfem_mat3 k = dgfemi_element_block(g, lambda, mu, &identity, &identity);
@@ -98,9 +99,8 @@ static dgfem_real dgfemi_largest_eigenvalue(const dgfem_real *a, const dgfem_rea
     dgfem_real x[DGFEM_MAX_UNKNOWNS], y[DGFEM_MAX_UNKNOWNS], value = 0;
     for (int i = 0; i < size; i++) x[i] = 1 + DGFEM_R(0.5) * dgfemi_sqrt((dgfem_real)((7 * i * i + 3) % 11));
     for (int iteration = 0; iteration < ITERATIONS; iteration++) {
-        dgfem_real z[DGFEM_MAX_UNKNOWNS], norm = 0, last = value;
-        for (int i = 0; i < size; i++) norm += x[i] * x[i];
-        norm = dgfemi_sqrt(norm);
+        dgfem_real z[DGFEM_MAX_UNKNOWNS], last = value;
+        dgfem_real norm = (dgfem_real)sqrt(dgfemi_vector_dot(size, x, x));
         if (!(norm > 0)) return 0;
         for (int i = 0; i < size; i++) z[i] = x[i] = x[i] / norm;
         for (int i = size - 1; i >= 0; i--) { /* L^-T */
@@ -124,7 +124,9 @@ static dgfem_real dgfemi_largest_eigenvalue(const dgfem_real *a, const dgfem_rea
 }
 
 DGFEM_API dgfem_status dgfem_body_stability_bound(const dgfem_body *body, int element, dgfem_real *theta) {
-    if (!body || !theta) return DGFEM_ERROR_ARGUMENT;
+    if (!body) return DGFEM_ERROR_ARGUMENT;
+    dgfem_status status = dgfemi_check_out(&body->hooks, theta, "stability_bound");
+    if (status) return status;
     if (element < 0 || element >= body->mesh->element_count)
         return dgfemi_fail(&body->hooks, DGFEM_ERROR_INDEX, "element %d, expected 0..%d", element,
                            body->mesh->element_count - 1);
@@ -132,10 +134,11 @@ DGFEM_API dgfem_status dgfem_body_stability_bound(const dgfem_body *body, int el
     size_t square = (size_t)size * (size_t)size;
     dgfem_real *a = (dgfem_real *)dgfemi_allocate(&body->hooks, 2 * square, sizeof *a), *b = a + square;
     if (!a) return dgfemi_fail_memory(&body->hooks);
-    dgfem_status status = DGFEM_OK;
     dgfemi_stability_pair(body, element, a, b);
     if (dgfemi_cholesky_dense(b, size)) *theta = dgfemi_largest_eigenvalue(a, b, size);
-    else status = dgfemi_fail(&body->hooks, DGFEM_ERROR_DEGENERATE, "element %d: its strain energy is not definite", element);
+    else
+        status =
+            dgfemi_fail(&body->hooks, DGFEM_ERROR_DEGENERATE, "element %d: its strain energy is not definite", element);
     dgfemi_free(&body->hooks, a);
     return status;
 }
@@ -154,42 +157,52 @@ DGFEM_API dgfem_status dgfem_body_set_eta(dgfem_body *body, dgfem_real eta) {
     return status;
 }
 
-/* Factors the unrotated stiffness of the body, held as it is; a free body is held by a trace of its mass. */
-static dgfem_status dgfemi_try_eta(dgfem_body *body, dgfem_cholesky *cholesky, dgfem_cholesky_info *info) {
+/* Factors the unrotated stiffness of the body, held as it is; one that can still move as a rigid body is held by a
+   trace of its mass. */
+static dgfem_status dgfemi_try_eta(dgfem_body *body, int is_free, dgfem_cholesky *cholesky, dgfem_cholesky_info *info) {
     const dgfem_real trace = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-9); /* of a typical stiffness */
     dgfem_mat3 *rotation = dgfemi_next_rotation(body);
     dgfem_vec3 *rhs = dgfemi_work(body, DGFEMI_WORK_RHS);
     for (int e = 0; e < body->mesh->element_count; e++) rotation[e] = dgfemi_identity();
-    dgfemi_assemble_stiffness(body, rotation, 1, 0, body->matrix, dgfemi_work(body, DGFEMI_WORK_F0));
-    if (!dgfemi_is_held(body)) {
+    dgfemi_assemble_stiffness(body, rotation, 1, 0, body->matrix, NULL);
+    if (is_free) {
         dgfem_real r = body->scale[0];
         dgfemi_assemble_mass(body, trace * body->material[0].young / (body->material[0].density * r * r), body->matrix);
     }
     memset(rhs, 0, (size_t)body->basis_count * sizeof *rhs);
-    dgfemi_assemble_pins(body, 1, 0, NULL, body->matrix, rhs);
-    dgfemi_hold_elements(body, 0, body->matrix, rhs);
+    dgfemi_assemble_pins(body, 1, 0, 0, body->matrix, rhs);
+    dgfemi_hold_elements(body, 1, 0, body->matrix, rhs);
     return dgfem_cholesky_factor(cholesky, body->matrix, info);
 }
 
 DGFEM_API dgfem_status dgfem_body_find_eta(dgfem_body *body, dgfem_real *eta) {
     enum { MAX_DOUBLINGS = 10 };
-    if (!body || !eta) return DGFEM_ERROR_ARGUMENT;
+    if (!body) return DGFEM_ERROR_ARGUMENT;
+    dgfem_status status = dgfemi_check_out(&body->hooks, eta, "find_eta");
+    if (status) return status;
     dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
     dgfem_cholesky *cholesky = body->cholesky;
     dgfem_cholesky_info info;
-    dgfem_status status = DGFEM_OK;
+    int free_element;
+    status = dgfemi_find_free_piece(body, &free_element);
     dgfem_real first = body->desc.eta;
     desc.hooks = body->hooks;
-    desc.hooks.log = NULL; /* a failure here is no error */
-    if (!cholesky) status = dgfem_cholesky_create(body->matrix, &desc, &cholesky);
+    if (!status && !cholesky) status = dgfem_cholesky_create(body->matrix, &desc, &cholesky);
     if (status) return status;
+    cholesky->hooks.log = NULL; /* the failure of a trial is no error */
     for (int doublings = 0;; doublings++) {
-        status = dgfemi_try_eta(body, cholesky, &info);
+        status = dgfemi_try_eta(body, free_element != DGFEM_NONE, cholesky, &info);
         if (status != DGFEM_ERROR_NOT_POSITIVE_DEFINITE || doublings == MAX_DOUBLINGS) break;
         dgfemi_set_eta(body, 2 * body->desc.eta);
     }
+    cholesky->hooks.log = body->hooks.log;
     if (cholesky != body->cholesky) dgfem_cholesky_destroy(cholesky);
-    if (status) dgfemi_set_eta(body, first);
-    else *eta = body->desc.eta;
+    if (!status) {
+        *eta = body->desc.eta;
+        return DGFEM_OK;
+    }
+    status = dgfemi_fail(&body->hooks, status, "find_eta: pivot of element %d with eta %g", info.failed_block,
+                         (double)body->desc.eta);
+    dgfemi_set_eta(body, first);
     return status;
 }

@@ -18,9 +18,9 @@
 
 /* ---- rotations ---- */
 
-/* Mean deformation gradient of an element: I + (1/V) int grad u. For degrees 1 and 2 the mean of quadratic terms'
-   gradients vanishes at the centroid; cubic ones need the element's moments, which the mass row of linear functions
-   holds: int (d_a N_j) is a moment of degree 2. */
+/* Mean deformation gradient of an element: I + (1/V) int grad u. A derivative of a function is a multiple of another,
+   so its integral is a multiple of a moment, which the load vector holds. About the centroid those of degree 1 vanish:
+   only linear and cubic functions contribute. */
 static dgfem_mat3 dgfemi_mean_gradient(const dgfem_body *body, int element) {
     const dgfemi_element_form *form = &body->forms->elements[element];
     const dgfem_vec3 *u = body->displacement + body->basis_start[element];
@@ -74,20 +74,25 @@ static void dgfemi_rotated_rest(const dgfem_mat3 *r, dgfem_real scale, dgfem_vec
 
 /* ---- blocks ---- */
 
-/* lambda u v^T + mu v u^T + mu (u.v) I */
-static dgfem_mat3 dgfemi_elastic_block(dgfem_real lambda, dgfem_real mu, dgfem_vec3 u, dgfem_vec3 v) {
-    dgfem_mat3 a;
+/* k += lambda u v^T + mu v u^T + mu (u.v) I */
+static void dgfemi_add_elastic(dgfem_real lambda, dgfem_real mu, dgfem_vec3 u, dgfem_vec3 v, dgfem_mat3 *k) {
     dgfem_real d = mu * dgfemi_dot(u, v);
-    a.m[0][0] = (lambda + mu) * u.x * v.x + d;
-    a.m[1][1] = (lambda + mu) * u.y * v.y + d;
-    a.m[2][2] = (lambda + mu) * u.z * v.z + d;
-    a.m[0][1] = lambda * u.x * v.y + mu * v.x * u.y;
-    a.m[1][0] = lambda * u.y * v.x + mu * v.y * u.x;
-    a.m[0][2] = lambda * u.x * v.z + mu * v.x * u.z;
-    a.m[2][0] = lambda * u.z * v.x + mu * v.z * u.x;
-    a.m[1][2] = lambda * u.y * v.z + mu * v.y * u.z;
-    a.m[2][1] = lambda * u.z * v.y + mu * v.z * u.y;
-    return a;
+    k->m[0][0] += (lambda + mu) * u.x * v.x + d;
+    k->m[1][1] += (lambda + mu) * u.y * v.y + d;
+    k->m[2][2] += (lambda + mu) * u.z * v.z + d;
+    k->m[0][1] += lambda * u.x * v.y + mu * v.x * u.y;
+    k->m[1][0] += lambda * u.y * v.x + mu * v.y * u.x;
+    k->m[0][2] += lambda * u.x * v.z + mu * v.x * u.z;
+    k->m[2][0] += lambda * u.z * v.x + mu * v.z * u.x;
+    k->m[1][2] += lambda * u.y * v.z + mu * v.y * u.z;
+    k->m[2][1] += lambda * u.z * v.y + mu * v.z * u.y;
+}
+
+/* That times a vector w. */
+static dgfem_vec3 dgfemi_elastic_image(dgfem_real lambda, dgfem_real mu, dgfem_vec3 u, dgfem_vec3 v, dgfem_vec3 w) {
+    dgfem_vec3 image = dgfemi_scale(lambda * dgfemi_dot(v, w), u);
+    image = dgfemi_add_scaled(image, mu * dgfemi_dot(u, w), v);
+    return dgfemi_add_scaled(image, mu * dgfemi_dot(u, v), w);
 }
 
 /* K'_ij of an element, i, j >= 1. */
@@ -104,16 +109,26 @@ static dgfem_mat3 dgfemi_element_block(const dgfem_real *g, dgfem_real lambda, d
     return k;
 }
 
+/* The unrotated K_ij times a vector. */
+static dgfem_vec3 dgfemi_element_image(const dgfem_real *g, dgfem_real lambda, dgfem_real mu, dgfem_vec3 v) {
+    dgfem_mat3 moment;
+    memcpy(&moment, g, sizeof moment);
+    dgfem_vec3 image = dgfemi_scale(lambda, dgfemi_multiply(&moment, v));
+    image = dgfemi_add_scaled(image, mu, dgfemi_multiply_transposed(&moment, v));
+    return dgfemi_add_scaled(image, mu * dgfemi_trace(&moment), v);
+}
+
 /* A face's form with today's rotations. */
 typedef struct dgfemi_warped_face {
     const dgfemi_face_form *form;
-    int sides;                     /* functions of both sides */
+    int sides; /* functions of both sides */
     const dgfem_real *stiff, *rest;
     dgfem_mat3 penalty_stiff, penalty_rest;
-    dgfem_vec3 normal[2];          /* rotated with each side */
-    dgfem_vec3 held;               /* the direction held where it is only one: the normal at rest, fixed in space */
-    dgfem_real lambda[2], mu[2];   /* times -weight */
-    dgfem_vec3 traction[2][2 * DGFEM_MAX_BASIS][DGFEM_MAX_BASIS - 1]; /* q' of each side */
+    dgfem_vec3 normal[2];        /* rotated with each side */
+    dgfem_vec3 held;             /* the direction held where it is only one: the normal at rest, fixed in space */
+    dgfem_real lambda[2], mu[2]; /* times -weight */
+    dgfem_vec3 traction[2][2 * DGFEM_MAX_BASIS * (DGFEM_MAX_BASIS - 1)]; /* q' of each side s: row i, column j - 1 of
+                                                                            form->count[s] - 1 */
 } dgfemi_warped_face;
 
 /* s (a I + b N) */
@@ -136,8 +151,7 @@ static void dgfemi_warp_face_penalty(const dgfem_body *body, dgfemi_warped_face 
     dgfemi_add_outer(&n, DGFEM_R(0.5), face->normal[1], face->normal[1]);
     if (body->desc.penalty == DGFEM_PENALTY_SCALAR)
         face->penalty_stiff = dgfemi_penalty_block(form->eta_stiff, lambda + 2 * mu, 0, &n);
-    else
-        face->penalty_stiff = dgfemi_penalty_block(form->eta_stiff, mu, lambda + mu, &n);
+    else face->penalty_stiff = dgfemi_penalty_block(form->eta_stiff, mu, lambda + mu, &n);
     face->penalty_rest = dgfemi_penalty_block(form->eta_rest * mu, 1, 1, &n);
     if (!form->normal_only) return;
     memset(&n, 0, sizeof n);
@@ -164,45 +178,68 @@ static void dgfemi_warp_face(const dgfem_body *body, const dgfemi_face_form *for
         face->mu[s] = -form->weight * dgfemi_mu(m);
         if (!dgfemi_form_has_traction(form, s)) continue;
         const dgfem_vec3 *q = dgfemi_form_traction(forms, form, s);
-        for (int i = 0; i < face->sides; i++)
-            for (int j = 0; j < form->count[s] - 1; j++) face->traction[s][i][j] = dgfemi_multiply(r, *q++);
+        int count = face->sides * (form->count[s] - 1);
+        for (int k = 0; k < count; k++) face->traction[s][k] = dgfemi_multiply(r, q[k]);
     }
     dgfemi_warp_face_penalty(body, face);
 }
 
-/* K1'_ij: i counts the functions of both sides, j >= 1 those of side s. */
-static dgfem_mat3 dgfemi_consistency_block(const dgfemi_warped_face *face, int s, int i, int j) {
-    dgfem_mat3 k = dgfemi_elastic_block(face->lambda[s], face->mu[s], face->normal[s], face->traction[s][i][j - 1]);
-    if (!face->form->normal_only) return k;
-    dgfem_mat3 held;
-    memset(&held, 0, sizeof held);
-    dgfemi_add_outer(&held, 1, face->held, dgfemi_multiply_transposed(&k, face->held));
-    return held;
+/* q^s_ij rotated: i counts the functions of both sides, j >= 1 those of side s. */
+static dgfem_vec3 dgfemi_face_traction(const dgfemi_warped_face *face, int s, int i, int j) {
+    return face->traction[s][i * (face->form->count[s] - 1) + j - 1];
 }
 
-/* P_ij S_stiff + Q_ij S_rest: i and j count the functions of both sides. */
-static dgfem_mat3 dgfemi_jump_block(const dgfemi_warped_face *face, int i, int j) {
-    dgfem_real p = face->stiff[i * face->sides + j], q = face->rest[i * face->sides + j];
-    dgfem_mat3 k;
-    for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) k.m[a][b] = p * face->penalty_stiff.m[a][b] + q * face->penalty_rest.m[a][b];
-    return k;
+/* Row vector of K1'_ij where only the component along `held` is kept: K1'_ij = held w^T. */
+static dgfem_vec3 dgfemi_held_row(const dgfemi_warped_face *face, int s, dgfem_vec3 q) {
+    return dgfemi_elastic_image(face->lambda[s], face->mu[s], q, face->normal[s], face->held);
+}
+
+/* k += K1'_ij, with q the traction vector of i and j */
+static void dgfemi_add_consistency(const dgfemi_warped_face *face, int s, dgfem_vec3 q, dgfem_mat3 *k) {
+    if (face->form->normal_only) dgfemi_add_outer(k, 1, face->held, dgfemi_held_row(face, s, q));
+    else dgfemi_add_elastic(face->lambda[s], face->mu[s], face->normal[s], q, k);
+}
+
+/* k += K1'_ij^T */
+static void dgfemi_add_adjoint(const dgfemi_warped_face *face, int s, dgfem_vec3 q, dgfem_mat3 *k) {
+    if (face->form->normal_only) dgfemi_add_outer(k, 1, dgfemi_held_row(face, s, q), face->held);
+    else dgfemi_add_elastic(face->lambda[s], face->mu[s], q, face->normal[s], k);
+}
+
+/* K1'_ij v */
+static dgfem_vec3 dgfemi_consistency_image(const dgfemi_warped_face *face, int s, dgfem_vec3 q, dgfem_vec3 v) {
+    if (face->form->normal_only) return dgfemi_scale(dgfemi_dot(dgfemi_held_row(face, s, q), v), face->held);
+    return dgfemi_elastic_image(face->lambda[s], face->mu[s], face->normal[s], q, v);
+}
+
+/* K1'_ij^T v */
+static dgfem_vec3 dgfemi_adjoint_image(const dgfemi_warped_face *face, int s, dgfem_vec3 q, dgfem_vec3 v) {
+    if (face->form->normal_only) return dgfemi_scale(dgfemi_dot(face->held, v), dgfemi_held_row(face, s, q));
+    return dgfemi_elastic_image(face->lambda[s], face->mu[s], q, face->normal[s], v);
+}
+
+/* sum_j (P_ij S_stiff + Q_ij S_rest) u_j over the functions of side s; i counts those of both sides. */
+static dgfem_vec3 dgfemi_jump_image(const dgfemi_warped_face *face, int i, int s, const dgfem_vec3 *u) {
+    int first = i * face->sides + (s ? face->form->count[0] : 0);
+    dgfem_vec3 stiff = dgfemi_vec3(0, 0, 0), rest = stiff;
+    for (int j = 0; j < face->form->count[s]; j++) {
+        stiff = dgfemi_add_scaled(stiff, face->stiff[first + j], u[j]);
+        rest = dgfemi_add_scaled(rest, face->rest[first + j], u[j]);
+    }
+    return dgfemi_add(dgfemi_multiply(&face->penalty_stiff, stiff), dgfemi_multiply(&face->penalty_rest, rest));
 }
 
 /* K'_ij of a face with i a function of side r and j one of side s (both counted within their side). */
 static dgfem_mat3 dgfemi_face_block(const dgfemi_warped_face *face, int r, int i, int s, int j) {
     int row = r ? face->form->count[0] + i : i, column = s ? face->form->count[0] + j : j;
-    dgfem_mat3 k = dgfemi_jump_block(face, row, column);
-    if (j > 0 && dgfemi_form_has_traction(face->form, s)) {
-        dgfem_mat3 k1 = dgfemi_consistency_block(face, s, row, j);
-        for (int a = 0; a < 3; a++)
-            for (int b = 0; b < 3; b++) k.m[a][b] += k1.m[a][b];
-    }
-    if (i > 0 && dgfemi_form_has_traction(face->form, r)) {
-        dgfem_mat3 k1 = dgfemi_consistency_block(face, r, column, i);
-        for (int a = 0; a < 3; a++)
-            for (int b = 0; b < 3; b++) k.m[a][b] += k1.m[b][a];
-    }
+    dgfem_real p = face->stiff[row * face->sides + column], q = face->rest[row * face->sides + column];
+    dgfem_mat3 k;
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) k.m[a][b] = p * face->penalty_stiff.m[a][b] + q * face->penalty_rest.m[a][b];
+    if (j > 0 && dgfemi_form_has_traction(face->form, s))
+        dgfemi_add_consistency(face, s, dgfemi_face_traction(face, s, row, j), &k);
+    if (i > 0 && dgfemi_form_has_traction(face->form, r))
+        dgfemi_add_adjoint(face, r, dgfemi_face_traction(face, r, column, i), &k);
     return k;
 }
 
@@ -215,38 +252,58 @@ static void dgfemi_add_block(dgfem_real *out, int columns, int i, int j, dgfem_r
         for (int q = 0; q < 3; q++) row[q] += s * a->m[p][q];
 }
 
-static void dgfemi_add_image(dgfem_vec3 *out, const dgfem_mat3 *a, dgfem_vec3 v) {
-    *out = dgfemi_add(*out, dgfemi_multiply(a, v));
+/* The same for a^T. */
+static void dgfemi_add_block_transposed(dgfem_real *out, int columns, int i, int j, dgfem_real s, const dgfem_mat3 *a) {
+    dgfem_real *row = out + 3 * i * columns + 3 * j;
+    for (int p = 0; p < 3; p++, row += columns)
+        for (int q = 0; q < 3; q++) row[q] += s * a->m[q][p];
 }
 
+/* K_w of an element is symmetric: its upper half mirrors the lower one. */
 static void dgfemi_assemble_element(const dgfem_body *body, int element, const dgfem_mat3 *r, dgfem_real s,
-                                    dgfem_matrix *matrix, dgfem_vec3 *f0) {
+                                    dgfem_matrix *matrix) {
     const dgfemi_element_form *form = &body->forms->elements[element];
     const dgfem_real *g = dgfemi_form_stiffness(body->forms, element);
     const dgfem_material *m = &body->material[element];
     dgfem_real lambda = dgfemi_lambda(m), mu = dgfemi_mu(m);
     dgfem_real *out = dgfem_matrix_block(matrix, element, element);
     dgfem_mat3 rt = dgfemi_transposed(r);
-    dgfem_vec3 rest[3];
-    dgfemi_rotated_rest(r, body->scale[element], rest);
-    f0 += body->basis_start[element];
     for (int i = 1; i < form->count; i++)
-        for (int j = 1; j < form->count; j++, g += 9) {
-            dgfem_mat3 k = dgfemi_element_block(g, lambda, mu, r, &rt);
+        for (int j = 1; j <= i; j++) {
+            dgfem_mat3 k = dgfemi_element_block(g + 9 * ((i - 1) * (form->count - 1) + j - 1), lambda, mu, r, &rt);
             dgfemi_add_block(out, 3 * form->count, i, j, s, &k);
-            if (j <= 3) dgfemi_add_image(&f0[i], &k, rest[j - 1]);
+            if (j < i) dgfemi_add_block_transposed(out, 3 * form->count, j, i, s, &k);
         }
 }
 
-/* One of the four blocks of a face: rows of side r, columns of side s. */
+/* f0 of an element, in its own frame until the end: R K R^T (R - I) X0 = R K (I - R^T) X0. */
+static void dgfemi_element_rest_force(const dgfem_body *body, int element, const dgfem_mat3 *r, dgfem_vec3 *f0) {
+    const dgfemi_element_form *form = &body->forms->elements[element];
+    const dgfem_real *g = dgfemi_form_stiffness(body->forms, element);
+    const dgfem_material *m = &body->material[element];
+    dgfem_real lambda = dgfemi_lambda(m), mu = dgfemi_mu(m);
+    dgfem_vec3 rest[3];
+    dgfemi_rotated_rest(r, body->scale[element], rest);
+    for (int j = 0; j < 3; j++) rest[j] = dgfemi_multiply_transposed(r, rest[j]);
+    f0 += body->basis_start[element];
+    for (int i = 1; i < form->count; i++, g += 9 * (form->count - 1)) {
+        dgfem_vec3 sum = dgfemi_vec3(0, 0, 0);
+        for (int j = 0; j < 3; j++) sum = dgfemi_add(sum, dgfemi_element_image(g + 9 * j, lambda, mu, rest[j]));
+        f0[i] = dgfemi_add(f0[i], dgfemi_multiply(r, sum));
+    }
+}
+
+/* One of the four blocks of a face: rows of side r, columns of side s. Those on the diagonal are symmetric. */
 static void dgfemi_assemble_quadrant(const dgfemi_warped_face *face, int r, int s, dgfem_real scale,
                                      dgfem_matrix *matrix) {
     const dgfemi_face_form *form = face->form;
+    int columns = 3 * form->count[s];
     dgfem_real *out = dgfem_matrix_block(matrix, form->element[r], form->element[s]);
     for (int i = 0; i < form->count[r]; i++)
-        for (int j = 0; j < form->count[s]; j++) {
+        for (int j = 0; j < (r == s ? i + 1 : form->count[s]); j++) {
             dgfem_mat3 k = dgfemi_face_block(face, r, i, s, j);
-            dgfemi_add_block(out, 3 * form->count[s], i, j, scale, &k);
+            dgfemi_add_block(out, columns, i, j, scale, &k);
+            if (r == s && j < i) dgfemi_add_block_transposed(out, columns, j, i, scale, &k);
         }
 }
 
@@ -261,33 +318,39 @@ static void dgfemi_face_rest_force(const dgfem_body *body, const dgfemi_warped_f
         dgfem_vec3 *out = f0 + body->basis_start[form->element[r]];
         for (int i = 0; i < form->count[r]; i++)
             for (int j = 1; j <= 3; j++) {
-                dgfem_mat3 k = dgfemi_consistency_block(face, s, r ? form->count[0] + i : i, j);
-                dgfemi_add_image(&out[i], &k, rest[j - 1]);
+                dgfem_vec3 q = dgfemi_face_traction(face, s, r ? form->count[0] + i : i, j);
+                out[i] = dgfemi_add(out[i], dgfemi_consistency_image(face, s, q, rest[j - 1]));
             }
     }
 }
 
 /* Right-hand side of a held face: minus the column of the ghost times the prescribed displacement. */
-static void dgfemi_held_force(const dgfem_body *body, const dgfemi_warped_face *face, dgfem_real load, dgfem_vec3 *f) {
+static void dgfemi_held_force(const dgfem_body *body, const dgfemi_warped_face *face, dgfem_real factor,
+                              dgfem_vec3 *f) {
     const dgfemi_face_form *form = face->form;
     const dgfem_vec3 *ghost = dgfemi_form_ghost(body->forms, form);
     f += body->basis_start[form->element[0]];
-    for (int i = 0; i < form->count[0]; i++)
-        for (int j = 0; j < form->count[1]; j++) {
-            dgfem_mat3 k = dgfemi_face_block(face, 0, i, 1, j);
-            dgfemi_add_image(&f[i], &k, dgfemi_scale(-load, ghost[j]));
+    for (int i = 0; i < form->count[0]; i++) {
+        dgfem_vec3 sum = dgfemi_jump_image(face, i, 1, ghost);
+        for (int j = 0; j < form->count[1] && i > 0 && dgfemi_form_has_traction(form, 0); j++) {
+            dgfem_vec3 q = dgfemi_face_traction(face, 0, form->count[0] + j, i);
+            sum = dgfemi_add(sum, dgfemi_adjoint_image(face, 0, q, ghost[j]));
         }
+        f[i] = dgfemi_add_scaled(f[i], -factor, sum);
+    }
 }
 
-/* matrix = scale * K_w, f0 = warping's force plus `load` times the force of prescribed displacements. */
-static void dgfemi_assemble_stiffness(const dgfem_body *body, const dgfem_mat3 *rotation, dgfem_real scale, dgfem_real load,
-                            dgfem_matrix *matrix, dgfem_vec3 *f0) {
+/* matrix = scale * K_w; f0 (may be NULL) = warping's force plus `factor` times that of prescribed displacements. */
+static void dgfemi_assemble_stiffness(const dgfem_body *body, const dgfem_mat3 *rotation, dgfem_real scale,
+                                      dgfem_real factor, dgfem_matrix *matrix, dgfem_vec3 *f0) {
     const dgfem_forms *forms = body->forms;
     dgfemi_warped_face face;
     dgfem_matrix_clear(matrix);
-    memset(f0, 0, (size_t)body->basis_count * sizeof *f0);
-    for (int e = 0; e < body->mesh->element_count; e++)
-        dgfemi_assemble_element(body, e, &rotation[e], scale, matrix, f0);
+    if (f0) memset(f0, 0, (size_t)body->basis_count * sizeof *f0);
+    for (int e = 0; e < body->mesh->element_count; e++) {
+        dgfemi_assemble_element(body, e, &rotation[e], scale, matrix);
+        if (f0 && body->desc.warp) dgfemi_element_rest_force(body, e, &rotation[e], f0);
+    }
     for (int f = 0; f < forms->face_count; f++) {
         const dgfemi_face_form *form = &forms->faces[f];
         dgfemi_warp_face(body, form, rotation, &face);
@@ -296,10 +359,10 @@ static void dgfemi_assemble_stiffness(const dgfem_body *body, const dgfem_mat3 *
             dgfemi_assemble_quadrant(&face, 1, 1, scale, matrix);
             int lower = form->element[1] > form->element[0];
             dgfemi_assemble_quadrant(&face, lower, !lower, scale, matrix);
-        } else {
-            dgfemi_held_force(body, &face, load, f0);
+        } else if (f0) {
+            dgfemi_held_force(body, &face, factor, f0);
         }
-        for (int s = 0; s < 2 && body->desc.warp; s++)
+        for (int s = 0; s < 2 && f0 && body->desc.warp; s++)
             if (dgfemi_form_has_traction(form, s)) dgfemi_face_rest_force(body, &face, s, rotation, f0);
     }
 }
@@ -326,8 +389,7 @@ static void dgfemi_add_mass_product(const dgfem_body *body, dgfem_real s, const 
         int start = body->basis_start[e];
         for (int i = 0; i < form->count; i++)
             for (int j = 0; j < form->count; j++)
-                out[start + i] =
-                    dgfemi_add_scaled(out[start + i], factor * mass[i * form->count + j], v[start + j]);
+                out[start + i] = dgfemi_add_scaled(out[start + i], factor * mass[i * form->count + j], v[start + j]);
     }
 }
 
@@ -342,57 +404,57 @@ static void dgfemi_strained(const dgfem_body *body, int element, const dgfem_mat
         out[j] = j >= 1 && j <= 3 ? dgfemi_sub(u[j], rest[j - 1]) : u[j];
 }
 
-/* Elastic energy of one element; adds its internal force K_w U - f0 where `force` is not NULL. */
+/* Elastic energy of one element, in its own frame; adds its internal force K_w U - f0 where `force` is not NULL. */
 static dgfem_real dgfemi_element_energy(const dgfem_body *body, int element, const dgfem_mat3 *r, dgfem_vec3 *force) {
     const dgfemi_element_form *form = &body->forms->elements[element];
     const dgfem_real *g = dgfemi_form_stiffness(body->forms, element);
     const dgfem_material *m = &body->material[element];
     dgfem_real lambda = dgfemi_lambda(m), mu = dgfemi_mu(m), energy = 0;
-    dgfem_mat3 rt = dgfemi_transposed(r);
     dgfem_vec3 strained[DGFEM_MAX_BASIS];
     dgfemi_strained(body, element, r, strained);
+    for (int j = 1; j < form->count; j++) strained[j] = dgfemi_multiply_transposed(r, strained[j]);
     for (int i = 1; i < form->count; i++) {
         dgfem_vec3 sum = dgfemi_vec3(0, 0, 0);
-        for (int j = 1; j < form->count; j++, g += 9) {
-            dgfem_mat3 k = dgfemi_element_block(g, lambda, mu, r, &rt);
-            dgfemi_add_image(&sum, &k, strained[j]);
-        }
+        for (int j = 1; j < form->count; j++, g += 9)
+            sum = dgfemi_add(sum, dgfemi_element_image(g, lambda, mu, strained[j]));
         energy += dgfemi_dot(strained[i], sum) / 2;
-        if (force) force[body->basis_start[element] + i] = dgfemi_add(force[body->basis_start[element] + i], sum);
+        if (!force) continue;
+        dgfem_vec3 *out = &force[body->basis_start[element] + i];
+        *out = dgfemi_add(*out, dgfemi_multiply(r, sum));
     }
     return energy;
 }
 
-/* The same of one face. With U the displacement and U' its strained part (the ghost's is U itself):
-   force = K3 U + K1' U' + K1'^T U, energy = U.K3 U / 2 + U.K1' U'. */
+/* The same of one face. With U the displacement (of a ghost: `factor` times what is prescribed) and U' its strained
+   part:  force = K3 U + K1' U' + K1'^T U,  energy = U.K3 U / 2 + U.K1' U'. */
 static dgfem_real dgfemi_face_energy(const dgfem_body *body, const dgfemi_warped_face *face, const dgfem_mat3 *rotation,
-                                     dgfem_vec3 *force) {
+                                     dgfem_real factor, dgfem_vec3 *force) {
     const dgfemi_face_form *form = face->form;
     dgfem_vec3 strained[2][DGFEM_MAX_BASIS];
     const dgfem_vec3 *u[2];
     dgfem_real energy = 0;
     for (int s = 0; s < 2; s++) {
         int e = form->element[s];
-        u[s] = e == DGFEM_NONE ? dgfemi_form_ghost(body->forms, form) : body->displacement + body->basis_start[e];
+        u[s] = e == DGFEM_NONE ? strained[s] : body->displacement + body->basis_start[e];
         if (e != DGFEM_NONE) dgfemi_strained(body, e, &rotation[e], strained[s]);
+        for (int j = 0; e == DGFEM_NONE && j < form->count[s]; j++)
+            strained[s][j] = dgfemi_scale(factor, dgfemi_form_ghost(body->forms, form)[j]);
     }
     for (int r = 0; r < 2; r++)
         for (int i = 0; i < form->count[r]; i++) {
             dgfem_vec3 penalty = dgfemi_vec3(0, 0, 0), traction = penalty, adjoint = penalty;
-            for (int s = 0; s < 2; s++)
-                for (int j = 0; j < form->count[s]; j++) {
-                    int row = r ? form->count[0] + i : i, column = s ? form->count[0] + j : j;
-                    dgfem_mat3 k = dgfemi_jump_block(face, row, column);
-                    dgfemi_add_image(&penalty, &k, u[s][j]);
-                    if (j > 0 && dgfemi_form_has_traction(form, s)) {
-                        k = dgfemi_consistency_block(face, s, row, j);
-                        dgfemi_add_image(&traction, &k, strained[s][j]);
-                    }
-                    if (i > 0 && dgfemi_form_has_traction(form, r)) {
-                        k = dgfemi_consistency_block(face, r, column, i);
-                        adjoint = dgfemi_add(adjoint, dgfemi_multiply_transposed(&k, u[s][j]));
-                    }
+            int row = r ? form->count[0] + i : i;
+            for (int s = 0; s < 2; s++) {
+                penalty = dgfemi_add(penalty, dgfemi_jump_image(face, row, s, u[s]));
+                for (int j = 1; j < form->count[s] && dgfemi_form_has_traction(form, s); j++) {
+                    dgfem_vec3 q = dgfemi_face_traction(face, s, row, j);
+                    traction = dgfemi_add(traction, dgfemi_consistency_image(face, s, q, strained[s][j]));
                 }
+                for (int j = 0; j < form->count[s] && i > 0 && dgfemi_form_has_traction(form, r); j++) {
+                    dgfem_vec3 q = dgfemi_face_traction(face, r, s ? form->count[0] + j : j, i);
+                    adjoint = dgfemi_add(adjoint, dgfemi_adjoint_image(face, r, q, u[s][j]));
+                }
+            }
             energy += dgfemi_dot(u[r][i], dgfemi_add_scaled(traction, DGFEM_R(0.5), penalty));
             if (force && form->element[r] != DGFEM_NONE) {
                 dgfem_vec3 *out = &force[body->basis_start[form->element[r]] + i];
@@ -402,14 +464,16 @@ static dgfem_real dgfemi_face_energy(const dgfem_body *body, const dgfemi_warped
     return energy;
 }
 
-static dgfem_real dgfemi_elastic_energy(const dgfem_body *body, const dgfem_mat3 *rotation, dgfem_vec3 *force) {
+/* Energy of all elements and faces, with `factor` times the prescribed displacements; adds the internal force where
+   `force` is not NULL. */
+static dgfem_real dgfemi_elastic_energy(const dgfem_body *body, const dgfem_mat3 *rotation, dgfem_real factor,
+                                        dgfem_vec3 *force) {
     dgfemi_warped_face face;
     dgfem_real energy = 0;
-    for (int e = 0; e < body->mesh->element_count; e++)
-        energy += dgfemi_element_energy(body, e, &rotation[e], force);
+    for (int e = 0; e < body->mesh->element_count; e++) energy += dgfemi_element_energy(body, e, &rotation[e], force);
     for (int f = 0; f < body->forms->face_count; f++) {
         dgfemi_warp_face(body, &body->forms->faces[f], rotation, &face);
-        energy += dgfemi_face_energy(body, &face, rotation, force);
+        energy += dgfemi_face_energy(body, &face, rotation, factor, force);
     }
     return energy;
 }

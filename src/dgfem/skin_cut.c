@@ -1,0 +1,302 @@
+#pragma once
+#include "skin_cap.c"
+/* Third part of cutting a render mesh: the vertices on both sides, the walls, and which elements carry them. */
+
+/* ---- vertices of the result ---- */
+
+static int dgfemi_skin_add_vertex(dgfemi_skin_cutter *c, dgfem_vec3 rest, dgfem_vec3 anchor, dgfem_vec3 world, int a,
+                                  int b, dgfem_real weight, int side) {
+    void *grown = dgfemi_one_more(c->hooks, c->vertices, c->vertex_count, &c->vertex_capacity, sizeof *c->vertices);
+    dgfemi_skin_vertex *v;
+    if (!grown) return DGFEM_NONE;
+    c->vertices = (dgfemi_skin_vertex *)grown;
+    v = &c->vertices[c->vertex_count];
+    v->rest = rest, v->anchor = anchor, v->world = world, v->side = side, v->slit = 0;
+    v->parent[0] = a, v->parent[1] = b, v->weight = weight, v->weld = c->vertex_count;
+    return c->vertex_count++;
+}
+
+static int dgfemi_skin_first_out(const dgfemi_skin_cutter *c, int point) {
+    if (point < c->skin->vertex_count) return point;
+    return c->points[point].out[0] != DGFEM_NONE ? c->points[point].out[0] : c->points[point].out[1];
+}
+
+/* The vertex of a point as seen from a side (0 below, 1 above): an old vertex keeps its index on the side that asks
+   first. DGFEM_NONE when out of memory. */
+static int dgfemi_skin_vertex_of(dgfemi_skin_cutter *c, int point, int s) {
+    dgfemi_skin_point *p = &c->points[point], *weld = &c->points[p->weld];
+    int separated = dgfemi_skin_is_separated(c, weld), side = weld->sign, v = point;
+    if (p->out[s] != DGFEM_NONE) return p->out[s];
+    if (separated || side == 0) side = weld->flags & (s ? DGFEMI_BELOW : DGFEMI_ABOVE) && !separated ? 0 : s ? 1 : -1;
+    if (point >= c->skin->vertex_count)
+        v = dgfemi_skin_add_vertex(c, p->rest, p->anchor, p->world, dgfemi_skin_first_out(c, p->parent[0]),
+                                   dgfemi_skin_first_out(c, p->parent[1]), p->t, side);
+    else if (p->out[1 - s] != DGFEM_NONE)
+        v = dgfemi_skin_add_vertex(c, p->rest, p->anchor, p->world, point, point, 0, side);
+    if (v == DGFEM_NONE) return DGFEM_NONE;
+    c->vertices[v].side = side, c->vertices[v].slit = separated;
+    p->out[s] = v;
+    if (!separated) p->out[1 - s] = v;
+    for (int k = 0; k < 2; k++)
+        if (p->out[k] == v && (weld->first[k] == DGFEM_NONE || v < weld->first[k])) weld->first[k] = v;
+    return v;
+}
+
+/* Vertices of all parts, points of edges before tips, whose parents they are; then welds. 1 on success. */
+static int dgfemi_skin_make_vertices(dgfemi_skin_cutter *c) {
+    int old = c->skin->vertex_count;
+    for (int v = 0; v < old; v++)
+        if (dgfemi_skin_add_vertex(c, c->points[v].rest, c->points[v].anchor, c->points[v].world, DGFEM_NONE,
+                                   DGFEM_NONE, 0, dgfemi_skin_sign(c, v)) == DGFEM_NONE)
+            return 0;
+    for (int pass = 0; pass < 2; pass++)
+        for (int i = 0; i < 3 * c->part_count; i++) {
+            const dgfemi_skin_part *part = &c->parts[i / 3];
+            int point = part->corner[i % 3];
+            int is_tip = point >= old && (c->points[point].parent[0] >= old || c->points[point].parent[1] >= old);
+            if (is_tip == pass && dgfemi_skin_vertex_of(c, point, part->side == DGFEMI_ABOVE) == DGFEM_NONE) return 0;
+        }
+    for (int i = 0; i < 3 * c->part_count; i++) {
+        const dgfemi_skin_part *part = &c->parts[i / 3];
+        int point = part->corner[i % 3], s = part->side == DGFEMI_ABOVE, v = c->points[point].out[s];
+        c->vertices[v].weld = c->points[c->points[point].weld].first[s];
+        if (!dgfemi_push(c->hooks, &c->triangles, v)) return 0;
+    }
+    return 1;
+}
+
+/* The wall's vertex on a side of a point of the cross-section. DGFEM_NONE when out of memory. */
+static int dgfemi_skin_wall_vertex(dgfemi_skin_cutter *c, int cap, int s) {
+    dgfemi_cap_point *p = &c->caps[cap];
+    int v, a = DGFEM_NONE, b = DGFEM_NONE, side = s ? 1 : -1, weld = DGFEM_NONE;
+    dgfem_vec3 anchor = p->rest;
+    if (p->out[s] != DGFEM_NONE) return p->out[s];
+    if (p->weld != DGFEM_NONE) { /* a copy of the skin's own vertex there */
+        weld = a = b = c->points[p->weld].first[s];
+        side = c->vertices[a].side, anchor = c->vertices[a].anchor;
+    } else if (p->parent[0] != DGFEM_NONE) {
+        a = c->caps[p->parent[0]].out[s], b = c->caps[p->parent[1]].out[s];
+        anchor = dgfemi_scale(DGFEM_R(0.5), dgfemi_add(c->vertices[a].anchor, c->vertices[b].anchor));
+    } else { /* on the slit's front */
+        side = 0, weld = p->out[1 - s];
+    }
+    v = dgfemi_skin_add_vertex(c, p->rest, anchor, p->world, a, b, p->weld == DGFEM_NONE && a != b ? DGFEM_R(0.5) : 0,
+                               side);
+    if (v == DGFEM_NONE) return DGFEM_NONE;
+    if (weld != DGFEM_NONE) c->vertices[v].weld = weld;
+    c->vertices[v].slit = side != 0;
+    c->caps[cap].out[s] = v;
+    return v;
+}
+
+/* The walls: below with the normal along the blade's, above against it. 1 on success. */
+static int dgfemi_skin_make_walls(dgfemi_skin_cutter *c) {
+    char *used = (char *)dgfemi_allocate_zero(c->hooks, (size_t)c->cap_count, 1);
+    int ok = used != NULL;
+    for (int i = 0; ok && i < c->cap_triangles.count; i++) used[c->cap_triangles.data[i]] = 1;
+    for (int i = c->cap_count - 1; ok && i >= 0; i--) /* parents too */
+        for (int k = 0; used[i] && k < 2; k++)
+            if (c->caps[i].parent[k] != DGFEM_NONE) used[c->caps[i].parent[k]] = 1;
+    for (int i = 0; ok && i < c->cap_count; i++)
+        for (int s = 0; ok && used[i] && s < 2; s++) ok = dgfemi_skin_wall_vertex(c, i, s) != DGFEM_NONE;
+    for (int s = 0; ok && s < 2; s++)
+        for (int i = 0; ok && i < c->cap_triangles.count; i++) {
+            int corner = s && i % 3 ? i - i % 3 + 3 - i % 3 : i;
+            ok = dgfemi_push(c->hooks, &c->triangles, c->caps[c->cap_triangles.data[corner]].out[s]);
+        }
+    dgfemi_free(c->hooks, used);
+    return ok;
+}
+
+/* ---- homes: no weight across the cut ---- */
+
+/* An anchor goes this part of the way from its place to the element's centre: inside, beyond round-off. */
+#define DGFEM_ANCHOR_DEPTH DGFEM_R(0.02)
+
+/* The elements as the blade sees them. */
+typedef struct dgfemi_blade_sides {
+    signed char *sign;   /* [elements] side of the element's centre */
+    char *at_blade;      /* [elements] 1 for those with a face that the blade has cut */
+    char *on_blade;      /* [faces] */
+    int *mark, *queue;   /* [elements] search that met the element last; room for one search */
+    int stamp;
+} dgfemi_blade_sides;
+
+static dgfem_vec3 dgfemi_skin_element_world(const dgfem_body *body, int element, dgfem_vec3 x) {
+    return dgfemi_add(x, dgfemi_evaluate(body, body->displacement, element, x));
+}
+
+/* Whether the blade has cut a face: open, near it, between elements whose centres are on different sides. */
+static int dgfemi_skin_is_on_blade(const dgfemi_skin_cutter *c, const dgfemi_blade_sides *sides, int face) {
+    const dgfem_mesh *mesh = c->body->mesh;
+    const dgfem_face *f = &mesh->faces[face];
+    int a = f->element[0], b = f->element[1];
+    dgfem_vec3 x;
+    if (b == DGFEM_NONE || !f->cut || sides->sign[a] == sides->sign[b]) return 0;
+    x = dgfemi_scale(DGFEM_R(0.5), dgfemi_add(dgfemi_skin_element_world(c->body, a, f->centre),
+                                              dgfemi_skin_element_world(c->body, b, f->centre)));
+    return dgfemi_abs(dgfemi_blade_distance(c->blade, x)) <=
+               dgfemi_max(mesh->elements[a].radius, mesh->elements[b].radius) &&
+           dgfemi_blade_covers(c->blade, x);
+}
+
+static int dgfemi_skin_find_sides(dgfemi_arena *arena, const dgfemi_skin_cutter *c, dgfemi_blade_sides *sides) {
+    const dgfem_mesh *mesh = c->body->mesh;
+    size_t elements = (size_t)mesh->element_count;
+    memset(sides, 0, sizeof *sides);
+    sides->sign = (signed char *)dgfemi_arena_allocate(arena, elements, 1);
+    sides->at_blade = (char *)dgfemi_arena_allocate_zero(arena, elements, 1);
+    sides->on_blade = (char *)dgfemi_arena_allocate_zero(arena, (size_t)mesh->face_count, 1);
+    sides->mark = (int *)dgfemi_arena_allocate_zero(arena, elements, sizeof(int));
+    sides->queue = (int *)dgfemi_arena_allocate(arena, elements, sizeof(int));
+    if (!sides->sign || !sides->at_blade || !sides->on_blade || !sides->mark || !sides->queue) return 0;
+    for (int e = 0; e < mesh->element_count; e++)
+        sides->sign[e] =
+            dgfemi_blade_side(c->blade, dgfemi_skin_element_world(c->body, e, mesh->elements[e].centre)) ? 1 : -1;
+    for (int f = 0; f < mesh->face_count; f++) {
+        if (!dgfemi_skin_is_on_blade(c, sides, f)) continue;
+        sides->on_blade[f] = 1;
+        sides->at_blade[mesh->faces[f].element[0]] = sides->at_blade[mesh->faces[f].element[1]] = 1;
+    }
+    return 1;
+}
+
+/* The element on a side that is nearest to x, of those around `element`; it must be reached through glued faces and
+   through this cut, not through earlier ones. Without any the element itself. */
+static int dgfemi_skin_nearest_on_side(dgfemi_blade_sides *sides, const dgfemi_locator *locator, int element,
+                                       dgfem_vec3 x, int side) {
+    const dgfem_mesh *mesh = locator->mesh;
+    dgfem_real nearest = mesh->elements[element].radius;
+    int best = element, count = 1;
+    sides->queue[0] = element, sides->mark[element] = ++sides->stamp;
+    for (int i = 0; i < count; i++) {
+        const dgfem_element *e = &mesh->elements[sides->queue[i]];
+        if (sides->sign[sides->queue[i]] == side) {
+            dgfem_real distance = dgfemi_locate_in(mesh, sides->queue[i], x).distance;
+            if (distance < nearest) nearest = distance, best = sides->queue[i];
+        }
+        for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+            const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+            int other = face->element[face->element[0] == sides->queue[i]];
+            if (other == DGFEM_NONE || sides->mark[other] == sides->stamp) continue;
+            if (face->cut && !sides->on_blade[mesh->element_faces[k]]) continue;
+            if (!(dgfemi_box_distance(locator->lower[other], locator->upper[other], x) < nearest)) continue;
+            sides->mark[other] = sides->stamp;
+            sides->queue[count++] = other;
+        }
+    }
+    return best;
+}
+
+/* homes[v]: where each vertex of the result is reached from. Vertices at the cut get anchors on their own side. */
+static int dgfemi_skin_find_homes(dgfemi_arena *arena, dgfemi_skin_cutter *c, int *homes) {
+    const dgfem_mesh *mesh = c->body->mesh;
+    dgfemi_blade_sides sides;
+    dgfemi_locator locator;
+    if (!dgfemi_locator_make(arena, mesh, &locator) || !dgfemi_skin_find_sides(arena, c, &sides)) return 0;
+    for (int i = 0; i < c->vertex_count; i++) {
+        dgfemi_skin_vertex *v = &c->vertices[i];
+        int e = dgfemi_locate(&locator, v->anchor).element;
+        int near = dgfemi_abs(dgfemi_blade_distance(c->blade, v->world)) < DGFEM_R(0.1) * mesh->elements[e].radius;
+        int concerned = v->side != 0 && (v->slit || (sides.at_blade[e] && (near || sides.sign[e] != v->side)));
+        if (concerned) {
+            dgfem_vec3 x;
+            if (sides.sign[e] != v->side) e = dgfemi_skin_nearest_on_side(&sides, &locator, e, v->anchor, v->side);
+            x = dgfemi_locate_in(mesh, e, v->anchor).nearest;
+            v->anchor = dgfemi_add_scaled(x, DGFEM_ANCHOR_DEPTH, dgfemi_sub(mesh->elements[e].centre, x));
+        }
+        homes[i] = memcmp(&v->anchor, &v->rest, sizeof v->rest) ? e : DGFEM_NONE;
+    }
+    return 1;
+}
+
+/* ---- the new skin ---- */
+
+/* Arrays of the result that do not depend on the embedding. 1 on success. */
+static int dgfemi_skin_result_allocate(const dgfemi_skin_cutter *c, dgfem_skin *out) {
+    const dgfem_hooks *hooks = c->hooks;
+    size_t vertices = (size_t)c->vertex_count, triangles = (size_t)(c->triangles.count / 3);
+    size_t added = vertices - (size_t)c->skin->original_vertex_count;
+    out->vertex_count = c->vertex_count, out->triangle_count = c->triangles.count / 3;
+    out->original_vertex_count = c->skin->original_vertex_count;
+    out->original_triangle_count = c->skin->original_triangle_count;
+    out->positions = (dgfem_vec3 *)dgfemi_allocate(hooks, vertices, sizeof(dgfem_vec3));
+    out->parents = (int *)dgfemi_allocate(hooks, 2 * added, sizeof(int));
+    out->parent_weight = (dgfem_real *)dgfemi_allocate(hooks, added, sizeof(dgfem_real));
+    out->weld = (int *)dgfemi_allocate(hooks, vertices, sizeof(int));
+    out->anchors = (dgfem_vec3 *)dgfemi_allocate(hooks, vertices, sizeof(dgfem_vec3));
+    if (!out->positions || !out->parents || !out->parent_weight || !out->weld || !out->anchors) return 0;
+    if (!c->skin->triangles) return 1;
+    out->normals = (dgfem_vec3 *)dgfemi_allocate(hooks, vertices, sizeof(dgfem_vec3));
+    out->triangles = (int *)dgfemi_duplicate(hooks, c->triangles.data, 3 * triangles, sizeof(int));
+    out->source = (int *)dgfemi_allocate(hooks, triangles, sizeof(int));
+    out->wall = (int *)dgfemi_allocate(hooks, triangles, sizeof(int));
+    return out->normals && out->triangles && out->source && out->wall && dgfemi_skin_make_corners(out);
+}
+
+static void dgfemi_skin_result_fill(const dgfemi_skin_cutter *c, dgfem_skin *out) {
+    const dgfem_skin *skin = c->skin;
+    int original = skin->original_vertex_count, old = skin->vertex_count, walls = c->cap_triangles.count / 3;
+    out->cut_count = skin->cut_count + (walls > 0 || out->triangle_count > skin->triangle_count);
+    for (int v = 0; v < out->vertex_count; v++) {
+        const dgfemi_skin_vertex *vertex = &c->vertices[v];
+        out->weld[v] = vertex->weld, out->anchors[v] = vertex->anchor;
+        if (v < original) continue;
+        out->parents[2 * (v - original)] = v < old ? skin->parents[2 * (v - original)] : vertex->parent[0];
+        out->parents[2 * (v - original) + 1] = v < old ? skin->parents[2 * (v - original) + 1] : vertex->parent[1];
+        out->parent_weight[v - original] = v < old ? skin->parent_weight[v - original] : vertex->weight;
+    }
+    for (int t = 0; t < out->triangle_count; t++) {
+        int part = t < c->part_count;
+        out->source[t] = part ? c->parts[t].source : DGFEM_NONE;
+        out->wall[t] = part ? c->parts[t].wall : t < c->part_count + walls ? -out->cut_count : out->cut_count;
+    }
+}
+
+static dgfem_status dgfemi_skin_result(dgfemi_skin_cutter *c, dgfem_skin **out) {
+    const dgfem_hooks *hooks = c->hooks;
+    dgfemi_arena arena = dgfemi_arena_make(hooks);
+    int *homes = (int *)dgfemi_arena_allocate(&arena, (size_t)c->vertex_count, sizeof(int));
+    dgfem_skin *skin = (dgfem_skin *)dgfemi_allocate_zero(hooks, 1, sizeof *skin);
+    dgfem_points_in rest;
+    dgfem_status status = DGFEM_OK;
+    if (skin) skin->hooks = *hooks;
+    if (!homes || !skin || !dgfemi_skin_find_homes(&arena, c, homes) || !dgfemi_skin_result_allocate(c, skin))
+        status = dgfemi_fail_memory(hooks);
+    if (status == DGFEM_OK) {
+        dgfemi_skin_result_fill(c, skin);
+        rest = dgfem_points_in_vec3((const dgfem_vec3 *)(const void *)c->vertices, c->vertex_count); /* its first member */
+        rest.stride = (int)sizeof *c->vertices;
+        status = dgfemi_skin_embed(skin, c->body, &rest, homes);
+    }
+    dgfemi_arena_free(&arena);
+    if (status != DGFEM_OK) {
+        dgfem_skin_destroy(skin);
+        return status;
+    }
+    dgfemi_skin_update(skin, c->body);
+    *out = skin;
+    return DGFEM_OK;
+}
+
+/* A copy of the skin, cut by the blade; `body` is the body after its elements were. On failure nothing is made. */
+static dgfem_status dgfemi_skin_cut(const dgfem_skin *skin, const dgfem_body *body, const dgfemi_blade *blade,
+                                    dgfem_skin **out) {
+    dgfemi_skin_cutter c;
+    dgfem_status status;
+    memset(&c, 0, sizeof c);
+    c.skin = skin, c.body = body, c.blade = blade, c.hooks = &skin->hooks;
+    *out = NULL;
+    if (!dgfemi_skin_cutter_begin(&c)) {
+        dgfemi_skin_cutter_free(&c);
+        return dgfemi_fail_memory(&skin->hooks);
+    }
+    dgfemi_skin_find_signs(&c);
+    if (dgfemi_skin_find_chords(&c) && dgfemi_skin_split_all(&c) && dgfemi_skin_find_slit(&c) &&
+        dgfemi_skin_find_caps(&c) && dgfemi_skin_make_vertices(&c) && dgfemi_skin_make_walls(&c))
+        status = dgfemi_skin_result(&c, out);
+    else
+        status = dgfemi_fail_memory(&skin->hooks);
+    dgfemi_skin_cutter_free(&c);
+    return status;
+}
