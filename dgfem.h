@@ -117,6 +117,23 @@
        }
 
 
+   CUTTING
+
+   A blade meets the body where it is now, in world space. Glue between elements goes, elements that the blade passes are
+   split, and nothing else changes: no remeshing, no jump, and the next step may follow at once.
+
+       dgfem_cut_desc cut = dgfem_default_cut_desc();
+       cut.skins = &skin, cut.skin_count = 1;      render meshes that are to be cut along
+       dgfem_body_cut_plane(body, plane, &cut, &info);
+       dgfem_body_cut_polygon(body, dgfem_points_in_float(corners, 4), &cut, &info);
+       dgfem_body_cut_surface(body, points, triangles, 2, &cut, &info);    the area a moving edge has swept
+       dgfem_body_pieces(body, NULL, pieces, 16, &count);                  what hangs together now
+
+   Elements and faces are numbered anew by every change of topology, and body->revision grows. Conditions, materials and
+   tags stay on the parts, under the same ids. A skin that was not named in the descriptor refuses to update until
+   dgfem_skin_renew. A call that fails, whatever the reason, leaves the body and the skins bit for bit what they were.
+
+
    WHAT IT DOES NOT DO
 
    - Materials other than isotropic linear ones. Large rotations are followed (stiffness warping, one rotation per
@@ -197,6 +214,8 @@
    locate.c           Which element of a mesh contains a point, or is nearest to it: winding numbers of elements,
                       distances of faces, and buckets of element boxes that keep the search short.
    embed.c            Embedding of points in a body by moving least squares (MLS), eq.
+   embed_points.c     Embedding of points, second part: where each point sits, windows large enough for all, weights;
+                      what an earlier embedding leaves to be kept; evaluation.
    contact.c          Penalty contact and friction of embedded points against planes and spheres, implicit in the
                       step's velocities.
    warp.c             Stiffness warping: rotations of the elements, and the warped system assembled from the forms.
@@ -827,6 +846,10 @@ typedef struct dgfem_embedding {
     int *weight_start;         /* [point_count + 1] */
     int *weight_sample;
     dgfem_real *weight;
+    dgfem_real *sample_radius;  /* of the samples' windows; with the elements below for keeping weights later on */
+    int element_count;
+    dgfem_vec3 *element_centre;
+    int *element_glue;          /* glued faces of each element */
     int revision;              /* of the body it was made for */
     dgfem_hooks hooks;
 } dgfem_embedding;
@@ -1089,8 +1112,8 @@ typedef struct dgfem_skin {
     int *parents;              /* two of each new vertex, of lower index, that any attribute can be had from: */
     dgfem_real *parent_weight; /* (1 - weight) * first + weight * second; DGFEM_NONE inside walls: none */
     int *source;               /* [triangle_count] original triangle; DGFEM_NONE for walls */
-    int *wall;                 /* [triangle_count] 0; +k or -k for a wall of cut number k >= 1 on the side its normal pointed to, or behind */
-    int *weld;                 /* [vertex_count] lowest vertex that is the same point of the surface: pieces are closed in these */
+    int *wall;                 /* [triangle_count] 0; +k, -k: a wall of cut k >= 1 on the side of its normal, or behind */
+    int *weld;                 /* [vertex_count] lowest vertex at the same point of the surface: closed in these */
     dgfem_vec3 *anchors;       /* [vertex_count] rest position inside the material that a vertex belongs to */
 
     dgfem_embedding *embedding;
@@ -12929,6 +12952,11 @@ static void dgfemi_query_sort(dgfemi_query *query) {
     }
 }
 
+/* ==== embed_points.c ============================================================================================== */
+
+/* Embedding of points, second part: where each point sits, windows large enough for all, weights; what an earlier
+   embedding leaves to be kept; evaluation. */
+
 /* ---- the embedding of points ---- */
 
 /* Where the windows of a point are evaluated: at the point, but not far outside its element. The affine fit extends to
@@ -12967,11 +12995,10 @@ static void dgfemi_query_mark(const dgfemi_query *query, char *enlarge) {
 }
 
 /* Enlarges the windows of the samples around poorly served points, once per round, until all points are served. `open`
-   marks the points still to be looked at, `enlarge` the samples. */
+   marks the points still to be looked at, `enlarge` is room for marks of the samples. */
 static void dgfemi_enlarge_windows(dgfemi_query *query, const dgfem_embedding *embedding, const dgfem_vec3 *windows,
                                    char *open, char *enlarge) {
     dgfemi_sampling *sampling = query->sampling;
-    memset(open, 1, (size_t)embedding->point_count);
     for (int round = 0; round < DGFEM_MAX_ROUNDS; round++) {
         int poor = 0;
         memset(enlarge, 0, (size_t)embedding->sample_count);
@@ -13011,12 +13038,189 @@ static int dgfemi_embedding_append(dgfem_embedding *embedding, const dgfemi_quer
     return 1;
 }
 
-/* Weights of all points. 1 on success, 0 when out of memory. */
-static int dgfemi_embedding_weigh(dgfemi_query *query, dgfem_embedding *embedding, const dgfem_vec3 *windows) {
+/* ---- what an earlier embedding leaves ----
+
+   After a change of topology most weights are as they were. An element is the same if it has the same centre and as
+   many glued faces, a sample if it has the same place and elements. A point keeps its weights if its place, its element and
+   its samples are the same, and neither a changed element nor a new sample lies within reach. */
+
+typedef struct dgfemi_reuse {
+    const dgfem_embedding *old;
+    int *old_element;   /* [elements] DGFEM_NONE: changed */
+    int *new_element;   /* [old elements] */
+    int *new_sample;    /* [old samples] DGFEM_NONE: gone */
+    char *known;        /* [samples] 1: an old one */
+    dgfem_real *radius; /* [samples] before any was enlarged */
+    char *keep;         /* [points] */
+} dgfemi_reuse;
+
+static uint64_t dgfemi_hash_position(dgfem_vec3 x) {
+    uint64_t hash = 0;
+    for (int axis = 0; axis < 3; axis++) {
+        double value = (double)dgfemi_axis(x, axis) + 0.0; /* one zero */
+        uint64_t bits;
+        memcpy(&bits, &value, sizeof bits);
+        hash = dgfemi_mix(hash ^ bits);
+    }
+    return hash;
+}
+
+static int dgfemi_same_position(dgfem_vec3 a, dgfem_vec3 b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
+
+/* Notes what a later embedding compares with. 1 on success. */
+static int dgfemi_embedding_sign(dgfem_embedding *embedding, const dgfemi_sampling *sampling) {
+    const dgfem_mesh *mesh = sampling->mesh;
+    const dgfem_hooks *hooks = &embedding->hooks;
+    embedding->sample_radius =
+        (dgfem_real *)dgfemi_duplicate(hooks, sampling->radius, (size_t)embedding->sample_count, sizeof(dgfem_real));
+    embedding->element_count = mesh->element_count;
+    embedding->element_centre = (dgfem_vec3 *)dgfemi_allocate(hooks, (size_t)mesh->element_count, sizeof(dgfem_vec3));
+    embedding->element_glue = (int *)dgfemi_allocate(hooks, (size_t)mesh->element_count, sizeof(int));
+    if (!embedding->sample_radius || !embedding->element_centre || !embedding->element_glue) return 0;
+    for (int e = 0; e < mesh->element_count; e++) {
+        embedding->element_centre[e] = mesh->elements[e].centre;
+        embedding->element_glue[e] = sampling->neighbour_start[e + 1] - sampling->neighbour_start[e];
+    }
+    return 1;
+}
+
+/* Finds the elements that are the same. */
+static int dgfemi_reuse_match_elements(dgfemi_reuse *reuse, const dgfemi_sampling *sampling, dgfemi_buckets *buckets) {
+    const dgfem_embedding *old = reuse->old;
+    const dgfem_mesh *mesh = sampling->mesh;
+    const dgfem_hooks *hooks = &sampling->embedding->hooks;
+    if (!dgfemi_buckets_reset(hooks, buckets, old->element_count)) return 0;
+    for (int e = 0; e < old->element_count; e++) {
+        reuse->new_element[e] = DGFEM_NONE;
+        if (!dgfemi_buckets_insert(hooks, buckets, e, dgfemi_hash_position(old->element_centre[e]))) return 0;
+    }
+    for (int e = 0; e < mesh->element_count; e++) {
+        int glue = sampling->neighbour_start[e + 1] - sampling->neighbour_start[e];
+        int i = dgfemi_buckets_first(buckets, dgfemi_hash_position(mesh->elements[e].centre));
+        while (i != DGFEM_NONE && (!dgfemi_same_position(old->element_centre[i], mesh->elements[e].centre) ||
+                                   old->element_glue[i] != glue))
+            i = buckets->next[i];
+        reuse->old_element[e] = i;
+        if (i != DGFEM_NONE) reuse->new_element[i] = e;
+    }
+    return 1;
+}
+
+/* Whether a sample has the same elements as an old one. */
+static int dgfemi_reuse_same_terms(const dgfemi_reuse *reuse, const dgfem_embedding *embedding, int sample, int old) {
+    const int *terms = embedding->term_start, *old_terms = reuse->old->term_start;
+    if (terms[sample + 1] - terms[sample] != old_terms[old + 1] - old_terms[old]) return 0;
+    for (int i = old_terms[old]; i < old_terms[old + 1]; i++) {
+        int element = reuse->new_element[reuse->old->term_element[i]], found = 0;
+        for (int t = terms[sample]; t < terms[sample + 1]; t++) found |= embedding->term_element[t] == element;
+        if (!found) return 0;
+    }
+    return 1;
+}
+
+/* Finds the samples that are the same; they keep their windows. */
+static int dgfemi_reuse_match_samples(dgfemi_reuse *reuse, dgfemi_sampling *sampling, dgfemi_buckets *buckets) {
+    const dgfem_embedding *old = reuse->old, *embedding = sampling->embedding;
+    const dgfem_hooks *hooks = &embedding->hooks;
+    if (!dgfemi_buckets_reset(hooks, buckets, old->sample_count)) return 0;
+    for (int s = 0; s < old->sample_count; s++) {
+        reuse->new_sample[s] = DGFEM_NONE;
+        if (!dgfemi_buckets_insert(hooks, buckets, s, dgfemi_hash_position(old->samples[s]))) return 0;
+    }
+    for (int s = 0; s < embedding->sample_count; s++) {
+        int i = dgfemi_buckets_first(buckets, dgfemi_hash_position(embedding->samples[s]));
+        while (i != DGFEM_NONE && (!dgfemi_same_position(old->samples[i], embedding->samples[s]) ||
+                                   !dgfemi_reuse_same_terms(reuse, embedding, s, i)))
+            i = buckets->next[i];
+        reuse->known[s] = i != DGFEM_NONE;
+        if (i == DGFEM_NONE) continue;
+        reuse->new_sample[i] = s;
+        sampling->radius[s] = old->sample_radius[i];
+    }
+    memcpy(reuse->radius, sampling->radius, (size_t)embedding->sample_count * sizeof(dgfem_real));
+    return 1;
+}
+
+/* Whether nothing that has changed reaches a place. */
+static int dgfemi_reuse_is_quiet(const dgfemi_reuse *reuse, const dgfemi_sampling *sampling, dgfem_real reach,
+                                 dgfem_vec3 x) {
+    const dgfem_embedding *embedding = sampling->embedding;
+    for (int e = 0; e < sampling->mesh->element_count; e++)
+        if (reuse->old_element[e] == DGFEM_NONE && dgfemi_sampling_distance(sampling, e, x) < reach) return 0;
+    for (int s = 0; s < embedding->sample_count; s++)
+        if (!reuse->known[s] && dgfemi_distance(embedding->samples[s], x) < sampling->radius[s]) return 0;
+    return 1;
+}
+
+static int dgfemi_reuse_has_samples(const dgfemi_reuse *reuse, int point) {
+    for (int i = reuse->old->weight_start[point]; i < reuse->old->weight_start[point + 1]; i++)
+        if (reuse->new_sample[reuse->old->weight_sample[i]] == DGFEM_NONE) return 0;
+    return 1;
+}
+
+/* Decides which points keep their weights. 1 on success. */
+static int dgfemi_reuse_make(dgfemi_arena *arena, dgfemi_reuse *reuse, dgfemi_sampling *sampling,
+                             const dgfem_vec3 *windows) {
+    const dgfem_embedding *old = reuse->old, *embedding = sampling->embedding;
+    size_t elements = (size_t)sampling->mesh->element_count, samples = (size_t)embedding->sample_count;
+    dgfemi_buckets buckets;
+    dgfem_real reach = 0;
+    int ok;
+    reuse->old_element = (int *)dgfemi_arena_allocate(arena, elements, sizeof(int));
+    reuse->new_element = (int *)dgfemi_arena_allocate(arena, (size_t)old->element_count, sizeof(int));
+    reuse->new_sample = (int *)dgfemi_arena_allocate(arena, (size_t)old->sample_count, sizeof(int));
+    reuse->known = (char *)dgfemi_arena_allocate(arena, samples, 1);
+    reuse->radius = (dgfem_real *)dgfemi_arena_allocate(arena, samples, sizeof(dgfem_real));
+    if (!reuse->old_element || !reuse->new_element || !reuse->new_sample || !reuse->known || !reuse->radius) return 0;
+    memset(&buckets, 0, sizeof buckets);
+    ok =
+        dgfemi_reuse_match_elements(reuse, sampling, &buckets) && dgfemi_reuse_match_samples(reuse, sampling, &buckets);
+    dgfemi_buckets_free(&embedding->hooks, &buckets);
+    if (!ok) return 0;
+    dgfemi_sampling_update_reach(sampling);
+    for (int s = 0; s < embedding->sample_count; s++) reach = dgfemi_max(reach, sampling->radius[s]);
+    for (int p = 0; p < embedding->point_count && p < old->point_count; p++)
+        reuse->keep[p] = reuse->old_element[embedding->point_element[p]] == old->point_element[p] &&
+                         dgfemi_same_position(embedding->points[p], old->points[p]) &&
+                         dgfemi_reuse_has_samples(reuse, p) &&
+                         dgfemi_reuse_is_quiet(reuse, sampling, reach, windows[p]);
+    return 1;
+}
+
+/* Windows that have grown since may reach further points. */
+static void dgfemi_reuse_revise(dgfemi_reuse *reuse, const dgfemi_sampling *sampling, const dgfem_vec3 *windows) {
+    const dgfem_embedding *embedding = sampling->embedding;
+    for (int s = 0; s < embedding->sample_count; s++) {
+        if (!(sampling->radius[s] > reuse->radius[s])) continue;
+        for (int p = 0; p < embedding->point_count; p++)
+            if (dgfemi_distance(embedding->samples[s], windows[p]) < sampling->radius[s]) reuse->keep[p] = 0;
+    }
+}
+
+/* The old weights of a point, as if they had been computed. */
+static void dgfemi_reuse_weights(const dgfemi_reuse *reuse, int point, dgfemi_query *query) {
+    const dgfem_embedding *old = reuse->old;
+    query->count = 0;
+    for (int i = old->weight_start[point]; i < old->weight_start[point + 1]; i++) {
+        query->sample[query->count] = reuse->new_sample[old->weight_sample[i]];
+        query->theta[query->count++] = old->weight[i];
+    }
+    dgfemi_query_sort(query);
+    memcpy(query->weight, query->theta, (size_t)query->count * sizeof(dgfem_real));
+}
+
+/* Weights of all points, kept or new. 1 on success, 0 when out of memory. */
+static int dgfemi_embedding_weigh(dgfemi_query *query, dgfem_embedding *embedding, const dgfem_vec3 *windows,
+                                  const dgfemi_reuse *reuse) {
     int sample_capacity = 0, weight_capacity = 0;
     embedding->weight_start[0] = 0;
     for (int p = 0; p < embedding->point_count; p++) {
         dgfemi_fit fit;
+        if (reuse->keep[p]) {
+            dgfemi_reuse_weights(reuse, p, query);
+            if (!dgfemi_embedding_append(embedding, query, p, &sample_capacity, &weight_capacity)) return 0;
+            continue;
+        }
         dgfemi_query_run(query, embedding->point_element[p], windows[p]);
         dgfemi_query_normalize(query);
         dgfemi_query_sort(query);
@@ -13050,10 +13254,12 @@ static dgfem_status dgfemi_embedding_read_points(dgfem_embedding *embedding, con
 }
 
 /* Samples, locations and weights, with temporary memory from the arena. homes[p]: the element from which point p is
-   reached, wherever it lies; DGFEM_NONE: the nearest one; homes may be NULL. 1 on success, 0 when out of memory. */
+   reached, wherever it lies; DGFEM_NONE: the nearest one; homes may be NULL. `old`, of the same first points before the
+   body's topology changed, may be NULL. 1 on success, 0 when out of memory. */
 static int dgfemi_embedding_build(dgfemi_arena *arena, const dgfem_body *body, const dgfem_corners *corners,
-                                  const int *homes, dgfem_embedding *embedding) {
+                                  const int *homes, const dgfem_embedding *old, dgfem_embedding *embedding) {
     dgfemi_locator locator;
+    dgfemi_reuse reuse;
     dgfemi_sampling sampling;
     dgfemi_query query;
     dgfem_vec3 *windows;
@@ -13066,16 +13272,22 @@ static int dgfemi_embedding_build(dgfemi_arena *arena, const dgfem_body *body, c
     windows = (dgfem_vec3 *)dgfemi_arena_allocate(arena, (size_t)embedding->point_count, sizeof(dgfem_vec3));
     open = (char *)dgfemi_arena_allocate(arena, (size_t)embedding->point_count, 1);
     enlarge = (char *)dgfemi_arena_allocate(arena, (size_t)embedding->sample_count, 1);
-    if (!windows || !open || !enlarge) return 0;
+    memset(&reuse, 0, sizeof reuse);
+    reuse.old = old;
+    reuse.keep = (char *)dgfemi_arena_allocate_zero(arena, (size_t)embedding->point_count, 1);
+    if (!windows || !open || !enlarge || !reuse.keep) return 0;
     for (int p = 0; p < embedding->point_count; p++) {
         dgfem_vec3 x = embedding->points[p];
-        dgfemi_location location = homes && homes[p] != DGFEM_NONE ? dgfemi_locate_in(body->mesh, homes[p], x)
-                                                                   : dgfemi_locate(&locator, x);
+        dgfemi_location location =
+            homes && homes[p] != DGFEM_NONE ? dgfemi_locate_in(body->mesh, homes[p], x) : dgfemi_locate(&locator, x);
         embedding->point_element[p] = location.element;
         windows[p] = dgfemi_window_position(body->mesh, &location, x);
     }
+    if (old && !dgfemi_reuse_make(arena, &reuse, &sampling, windows)) return 0;
+    for (int p = 0; p < embedding->point_count; p++) open[p] = !reuse.keep[p];
     dgfemi_enlarge_windows(&query, embedding, windows, open, enlarge);
-    return dgfemi_embedding_weigh(&query, embedding, windows);
+    if (old) dgfemi_reuse_revise(&reuse, &sampling, windows);
+    return dgfemi_embedding_weigh(&query, embedding, windows, &reuse) && dgfemi_embedding_sign(embedding, &sampling);
 }
 
 DGFEM_API void dgfem_embedding_destroy(dgfem_embedding *embedding) {
@@ -13092,6 +13304,9 @@ DGFEM_API void dgfem_embedding_destroy(dgfem_embedding *embedding) {
     dgfemi_free(&hooks, embedding->weight_start);
     dgfemi_free(&hooks, embedding->weight_sample);
     dgfemi_free(&hooks, embedding->weight);
+    dgfemi_free(&hooks, embedding->sample_radius);
+    dgfemi_free(&hooks, embedding->element_centre);
+    dgfemi_free(&hooks, embedding->element_glue);
     dgfemi_free(&hooks, embedding);
 }
 
@@ -13104,7 +13319,8 @@ static dgfem_embedding *dgfemi_embedding_new(const dgfem_body *body, const dgfem
 }
 
 static dgfem_status dgfemi_embedding_create_at(const dgfem_body *body, const dgfem_points_in *points, const int *homes,
-                                               const dgfem_hooks *hooks, dgfem_embedding **out) {
+                                               const dgfem_embedding *old, const dgfem_hooks *hooks,
+                                               dgfem_embedding **out) {
     dgfem_embedding *embedding = dgfemi_embedding_new(body, hooks);
     dgfem_corners *corners = NULL;
     dgfemi_arena arena = dgfemi_arena_make(hooks);
@@ -13112,7 +13328,7 @@ static dgfem_status dgfemi_embedding_create_at(const dgfem_body *body, const dgf
     if (!embedding) return dgfemi_fail_memory(hooks);
     status = dgfemi_embedding_read_points(embedding, points);
     if (status == DGFEM_OK) status = dgfem_mesh_corners(body->mesh, &corners);
-    if (status == DGFEM_OK && !dgfemi_embedding_build(&arena, body, corners, homes, embedding))
+    if (status == DGFEM_OK && !dgfemi_embedding_build(&arena, body, corners, homes, old, embedding))
         status = dgfemi_fail_memory(hooks);
     dgfemi_arena_free(&arena);
     dgfem_corners_destroy(corners);
@@ -13126,7 +13342,7 @@ static dgfem_status dgfemi_embedding_create_at(const dgfem_body *body, const dgf
 
 static dgfem_status dgfemi_embedding_create(const dgfem_body *body, const dgfem_points_in *points,
                                             const dgfem_hooks *hooks, dgfem_embedding **out) {
-    return dgfemi_embedding_create_at(body, points, NULL, hooks, out);
+    return dgfemi_embedding_create_at(body, points, NULL, NULL, hooks, out);
 }
 
 DGFEM_API dgfem_status dgfem_embedding_create(const dgfem_body *body, dgfem_points_in points, dgfem_embedding **out) {
@@ -17741,11 +17957,11 @@ DGFEM_API void dgfem_skin_destroy(dgfem_skin *skin) {
 }
 
 /* Weights of these points, and room for the values of their samples; what the skin had is not freed. homes as in
-   dgfemi_embedding_build. On failure the skin is as it was. */
+   dgfemi_embedding_build, as is `old`. On failure the skin is as it was. */
 static dgfem_status dgfemi_skin_embed(dgfem_skin *skin, const dgfem_body *body, const dgfem_points_in *points,
-                                      const int *homes) {
+                                      const int *homes, const dgfem_embedding *old) {
     dgfem_embedding *embedding = NULL;
-    dgfem_status status = dgfemi_embedding_create_at(body, points, homes, &skin->hooks, &embedding);
+    dgfem_status status = dgfemi_embedding_create_at(body, points, homes, old, &skin->hooks, &embedding);
     dgfem_vec3 *displacement;
     if (status != DGFEM_OK) return status;
     displacement = (dgfem_vec3 *)dgfemi_allocate(&skin->hooks, (size_t)embedding->sample_count, sizeof(dgfem_vec3));
@@ -17765,7 +17981,7 @@ static dgfem_status dgfemi_skin_create(const dgfem_body *body, const dgfem_skin_
     if (!skin) return dgfemi_fail_memory(hooks);
     skin->hooks = *hooks;
     if (!dgfemi_skin_allocate(skin, desc)) status = dgfemi_fail_memory(hooks);
-    if (status == DGFEM_OK) status = dgfemi_skin_embed(skin, body, &desc->vertices, NULL);
+    if (status == DGFEM_OK) status = dgfemi_skin_embed(skin, body, &desc->vertices, NULL, NULL);
     if (status != DGFEM_OK) {
         dgfem_skin_destroy(skin);
         return status;
@@ -17812,7 +18028,7 @@ static dgfem_status dgfemi_skin_renew(dgfem_skin *skin, const dgfem_body *body) 
         if (!homes || !dgfemi_skin_homes(&arena, body->mesh, old->points, skin->anchors, skin->vertex_count, homes))
             status = dgfemi_fail_memory(&hooks);
     }
-    if (status == DGFEM_OK) status = dgfemi_skin_embed(skin, body, &points, homes);
+    if (status == DGFEM_OK) status = dgfemi_skin_embed(skin, body, &points, homes, old);
     dgfemi_arena_free(&arena);
     if (status != DGFEM_OK) return status;
     dgfem_embedding_destroy(old);
@@ -17884,12 +18100,12 @@ typedef struct dgfemi_skin_point {
     int weld;      /* the point that stands for all of this place, itself included */
     int parent[2]; /* points; DGFEM_NONE for old vertices */
     dgfem_real t;
-    int out[2];    /* vertices of the result, below and above; the same where the point is not separated */
+    int out[2]; /* vertices of the result, below and above; the same where the point is not separated */
     /* of welds: */
-    int sign;      /* -1, 0, 1 */
-    int flags;     /* what surrounds it */
-    int first[2];  /* lowest vertex of the result below, above */
-    int cap;       /* point of the cross-section */
+    int sign;     /* -1, 0, 1 */
+    int flags;    /* what surrounds it */
+    int first[2]; /* lowest vertex of the result below, above */
+    int cap;      /* point of the cross-section */
 } dgfemi_skin_point;
 
 typedef struct dgfemi_skin_part {
@@ -17914,7 +18130,7 @@ typedef struct dgfemi_skin_edges {
 
 /* A point of the cross-section. */
 typedef struct dgfemi_cap_point {
-    int weld; /* point of the skin, or DGFEM_NONE inside */
+    int weld;      /* point of the skin, or DGFEM_NONE inside */
     int parent[2]; /* of points between two others: points of the cross-section */
     dgfem_vec3 world, rest;
     int out[2]; /* vertices of the walls */
@@ -17979,7 +18195,9 @@ static dgfemi_skin_point *dgfemi_skin_weld(const dgfemi_skin_cutter *c, int poin
     return &c->points[c->points[point].weld];
 }
 
-static dgfem_vec3 dgfemi_skin_world(const dgfemi_skin_cutter *c, int point) { return dgfemi_skin_weld(c, point)->world; }
+static dgfem_vec3 dgfemi_skin_world(const dgfemi_skin_cutter *c, int point) {
+    return dgfemi_skin_weld(c, point)->world;
+}
 
 static int dgfemi_skin_sign(const dgfemi_skin_cutter *c, int point) { return dgfemi_skin_weld(c, point)->sign; }
 
@@ -17994,23 +18212,12 @@ static int dgfemi_skin_add_point(dgfemi_skin_cutter *c, int a, int b, dgfem_real
     memset(p, 0, sizeof *p);
     p->rest = dgfemi_add_scaled(pa->rest, t, dgfemi_sub(pb->rest, pa->rest));
     p->anchor = dgfemi_add_scaled(pa->anchor, t, dgfemi_sub(pb->anchor, pa->anchor));
-    p->world = dgfemi_add_scaled(dgfemi_skin_world(c, a), t,
-                                 dgfemi_sub(dgfemi_skin_world(c, b), dgfemi_skin_world(c, a)));
+    p->world =
+        dgfemi_add_scaled(dgfemi_skin_world(c, a), t, dgfemi_sub(dgfemi_skin_world(c, b), dgfemi_skin_world(c, a)));
     p->parent[0] = a, p->parent[1] = b, p->t = t;
     p->weld = weld == DGFEM_NONE ? c->point_count : weld;
     p->out[0] = p->out[1] = p->first[0] = p->first[1] = p->cap = DGFEM_NONE;
     return c->point_count++;
-}
-
-static uint64_t dgfemi_hash_position(dgfem_vec3 x) {
-    uint64_t hash = 0;
-    for (int axis = 0; axis < 3; axis++) {
-        double value = (double)dgfemi_axis(x, axis) + 0.0; /* one zero */
-        uint64_t bits;
-        memcpy(&bits, &value, sizeof bits);
-        hash = dgfemi_mix(hash ^ bits);
-    }
-    return hash;
 }
 
 /* Before the first cut, vertices with equal rest positions are one. 1 on success. */
@@ -18023,8 +18230,7 @@ static int dgfemi_skin_find_welds(dgfemi_skin_cutter *c) {
     for (int v = 0; ok && v < c->skin->vertex_count; v++) {
         uint64_t hash = dgfemi_hash_position(rest[v]);
         int i = dgfemi_buckets_first(&buckets, hash);
-        while (i != DGFEM_NONE && (rest[i].x != rest[v].x || rest[i].y != rest[v].y || rest[i].z != rest[v].z))
-            i = buckets.next[i];
+        while (i != DGFEM_NONE && !dgfemi_same_position(rest[i], rest[v])) i = buckets.next[i];
         c->points[v].weld = i == DGFEM_NONE ? v : i;
         if (i == DGFEM_NONE) ok = dgfemi_buckets_insert(c->hooks, &buckets, v, hash);
     }
@@ -18089,7 +18295,8 @@ static void dgfemi_skin_find_signs(dgfemi_skin_cutter *c) {
         dgfem_real da, db;
         da = dgfemi_abs(dgfemi_blade_distance(c->blade, a->world));
         db = dgfemi_abs(dgfemi_blade_distance(c->blade, b->world));
-        if ((dgfemi_blade_distance(c->blade, a->world) > 0) == (dgfemi_blade_distance(c->blade, b->world) > 0)) continue;
+        if ((dgfemi_blade_distance(c->blade, a->world) > 0) == (dgfemi_blade_distance(c->blade, b->world) > 0))
+            continue;
         if (da < DGFEM_SKIN_SNAP * (da + db)) a->sign = 0;
         if (db < DGFEM_SKIN_SNAP * (da + db)) b->sign = 0;
     }
@@ -18242,7 +18449,7 @@ static int dgfemi_skin_turn(const dgfemi_skin_cutter *c, const int *corner, int 
     int sign[3], below = 0, above = 0, first = 0;
     for (int k = 0; k < 3; k++) {
         sign[k] = dgfemi_skin_sign(c, corner[k]);
-        below += sign[k] < 0, above += sign[k] > 0;
+        below += sign[k]<0, above += sign[k]> 0;
     }
     if (!below || !above) return 0;
     for (int k = 0; k < 3; k++)
@@ -18328,7 +18535,8 @@ static int dgfemi_skin_fan(dgfemi_skin_cutter *c, int of, int *placed, int apex,
         to = dgfemi_skin_edge_point(c, a, b, i++);
         if (to == DGFEM_NONE) to = b;
         if (from == a) outer_from = apex, outer_to = a;
-        if (to == b && (from != a || dgfemi_skin_edge_point(c, apex, a, 0) == DGFEM_NONE)) outer_from = b, outer_to = apex;
+        if (to == b && (from != a || dgfemi_skin_edge_point(c, apex, a, 0) == DGFEM_NONE))
+            outer_from = b, outer_to = apex;
         opposite = outer_from == b ? from : to;
         if (outer_from == DGFEM_NONE || dgfemi_skin_edge_point(c, outer_from, outer_to, 0) == DGFEM_NONE) {
             if (!dgfemi_skin_add_part(c, of, placed, apex, from, to)) return 0;
@@ -18372,7 +18580,8 @@ static int dgfemi_skin_split_chord(dgfemi_skin_cutter *c, int of, const int *v, 
         if (dgfemi_skin_add_point(c, p, q, (dgfem_real)c->clips[i], DGFEM_NONE) == DGFEM_NONE) return 0;
     for (int i = 0; lone && i <= tip_count + 1; i++) { /* where the quad's two fans meet */
         dgfem_vec3 x = dgfemi_skin_world(c, dgfemi_chord_point(p, q, tips, tip_count, i));
-        dgfem_real length = dgfemi_distance(x, dgfemi_skin_world(c, v[1])) + dgfemi_distance(x, dgfemi_skin_world(c, v[2]));
+        dgfem_real length =
+            dgfemi_distance(x, dgfemi_skin_world(c, v[1])) + dgfemi_distance(x, dgfemi_skin_world(c, v[2]));
         if (shortest < 0 || length < shortest) shortest = length, best = i;
     }
     for (int i = 0; i <= tip_count; i++) {
@@ -18397,9 +18606,11 @@ static int dgfemi_skin_split_triangle(dgfemi_skin_cutter *c, int of) {
     p = dgfemi_skin_edge_point(c, v[0], v[1], 0), q = dgfemi_skin_edge_point(c, v[2], v[0], 0);
     if (p != DGFEM_NONE && q != DGFEM_NONE) return dgfemi_skin_split_chord(c, of, v, p, q);
     if (p != DGFEM_NONE)
-        return dgfemi_skin_add_part(c, of, &placed, v[0], p, v[2]) && dgfemi_skin_add_part(c, of, &placed, p, v[1], v[2]);
+        return dgfemi_skin_add_part(c, of, &placed, v[0], p, v[2]) &&
+               dgfemi_skin_add_part(c, of, &placed, p, v[1], v[2]);
     if (q != DGFEM_NONE)
-        return dgfemi_skin_add_part(c, of, &placed, v[0], v[1], q) && dgfemi_skin_add_part(c, of, &placed, q, v[1], v[2]);
+        return dgfemi_skin_add_part(c, of, &placed, v[0], v[1], q) &&
+               dgfemi_skin_add_part(c, of, &placed, q, v[1], v[2]);
     return 1;
 }
 
@@ -18483,7 +18694,7 @@ static int dgfemi_skin_cap_at(dgfemi_skin_cutter *c, int weld) {
     return p->cap;
 }
 
-/* The slit's edges as the triangles above see them: with the cross-section on their left, seen from the normal's tip. */
+/* The slit's edges as the triangles above see them: the cross-section is on their left, seen from the normal's tip. */
 static int dgfemi_skin_find_segments(dgfemi_skin_cutter *c) {
     for (int i = 0; i < 3 * c->part_count; i++) {
         const dgfemi_skin_part *part = &c->parts[i / 3];
@@ -18518,8 +18729,7 @@ static int dgfemi_skin_section_winding(const dgfemi_skin_cutter *c, dgfem_vec3 x
         dgfemi_skin_chord(c, v, &from, &to); /* with v[0], or else v[2], on its left */
         if (dgfemi_skin_sign(c, dgfemi_skin_sign(c, v[0]) ? v[0] : v[2]) > 0)
             winding += dgfemi_skin_wind(c->blade, from, to, q);
-        else
-            winding += dgfemi_skin_wind(c->blade, to, from, q);
+        else winding += dgfemi_skin_wind(c->blade, to, from, q);
     }
     return winding;
 }
@@ -18577,7 +18787,8 @@ static dgfem_vec3 dgfemi_skin_rest_of(const dgfem_body *body, dgfem_vec3 x) {
         dgfem_vec3 rest = mesh->elements[e].centre, gradients[DGFEM_MAX_BASIS];
         dgfem_real distance;
         for (int step = 0; step < 12; step++) {
-            dgfem_vec3 r = dgfemi_sub(x, dgfemi_add(rest, dgfemi_evaluate(body, body->displacement, e, rest))), c0, c1, c2;
+            dgfem_vec3 r = dgfemi_sub(x, dgfemi_add(rest, dgfemi_evaluate(body, body->displacement, e, rest))), c0, c1,
+                       c2;
             dgfem_mat3 f = dgfemi_identity();
             dgfem_real determinant;
             dgfemi_basis_gradients(body->degree[e], body->origin[e], body->scale[e], rest, gradients);
@@ -18604,16 +18815,16 @@ static int dgfemi_skin_follow_polygon(dgfemi_skin_cutter *c, int from, int to, i
     for (int i = first; i <= last; i++) {
         dgfem_vec3 x = dgfemi_blade_corner(c->blade, clockwise, i);
         int cap = dgfemi_skin_add_cap(c, DGFEM_NONE, DGFEM_NONE, DGFEM_NONE, x, dgfemi_skin_rest_of(c->body, x));
-        if (cap == DGFEM_NONE || (from != DGFEM_NONE && !dgfemi_segment_push(c->hooks, &c->segments, from, cap))) return 0;
+        if (cap == DGFEM_NONE || (from != DGFEM_NONE && !dgfemi_segment_push(c->hooks, &c->segments, from, cap)))
+            return 0;
         if (from == DGFEM_NONE) to = cap; /* a whole round */
         from = cap;
     }
     return dgfemi_segment_push(c->hooks, &c->segments, from, to);
 }
 
-/* Tips in the order in which the polygon's boundary leaves the body (where the slit enters the polygon) and enters it by
-   turns. Some share a place, as where it crosses both walls of an earlier slit, which it leaves the body at first: there
-   the turns decide. The second round knows which turn it is at the first tip. */
+/* Tips in the order in which the polygon's boundary leaves the body (where the slit enters the polygon) and enters it
+   by turns. Some share a place, as where it crosses both walls of an earlier slit: there the turns decide. The second round knows which turn it is at the first tip. */
 static void dgfemi_order_tips(dgfemi_tip *tips, int count) {
     for (int i = 0; i < count; i++) tips[i].at = floor(tips[i].at * 1e6) / 1e6;
     qsort(tips, (size_t)count, sizeof *tips, dgfemi_compare_tips);
@@ -18857,7 +19068,8 @@ static int dgfemi_wall_divide(dgfemi_wall_mesh *w, int edge) {
     int other = w->neighbour.data[edge], t1 = dgfemi_wall_next(edge), s2 = dgfemi_wall_before(other), new_t, new_s, m;
     int a = c->cap_triangles.data[edge], b = c->cap_triangles.data[other], outer_t = w->neighbour.data[t1],
         outer_s = w->neighbour.data[s2], t[6];
-    m = dgfemi_skin_add_cap(c, DGFEM_NONE, a, b, dgfemi_scale(DGFEM_R(0.5), dgfemi_add(c->caps[a].world, c->caps[b].world)),
+    m = dgfemi_skin_add_cap(c, DGFEM_NONE, a, b,
+                            dgfemi_scale(DGFEM_R(0.5), dgfemi_add(c->caps[a].world, c->caps[b].world)),
                             dgfemi_scale(DGFEM_R(0.5), dgfemi_add(c->caps[a].rest, c->caps[b].rest)));
     if (m == DGFEM_NONE) return 0;
     if (m >= w->flat_capacity) {
@@ -18873,11 +19085,11 @@ static int dgfemi_wall_divide(dgfemi_wall_mesh *w, int edge) {
         if (!dgfemi_push(c->hooks, &c->cap_triangles, t[k]) || !dgfemi_push(c->hooks, &w->neighbour, DGFEM_NONE))
             return 0;
     c->cap_triangles.data[t1] = m, c->cap_triangles.data[other] = m;
-    dgfemi_wall_link(w, new_t, new_s);                         /* m-b */
-    dgfemi_wall_link(w, new_t + 1, outer_t);                   /* b-c */
-    dgfemi_wall_link(w, new_t + 2, t1);                        /* c-m */
-    dgfemi_wall_link(w, new_s + 1, s2);                        /* m-d */
-    dgfemi_wall_link(w, new_s + 2, outer_s);                   /* d-b */
+    dgfemi_wall_link(w, new_t, new_s);       /* m-b */
+    dgfemi_wall_link(w, new_t + 1, outer_t); /* b-c */
+    dgfemi_wall_link(w, new_t + 2, t1);      /* c-m */
+    dgfemi_wall_link(w, new_s + 1, s2);      /* m-d */
+    dgfemi_wall_link(w, new_s + 2, outer_s); /* d-b */
     return 1;
 }
 
@@ -19049,10 +19261,10 @@ static int dgfemi_skin_make_walls(dgfemi_skin_cutter *c) {
 
 /* The elements as the blade sees them. */
 typedef struct dgfemi_blade_sides {
-    signed char *sign;   /* [elements] side of the element's centre */
-    char *at_blade;      /* [elements] 1 for those with a face that the blade has cut */
-    char *on_blade;      /* [faces] */
-    int *mark, *queue;   /* [elements] search that met the element last; room for one search */
+    signed char *sign; /* [elements] side of the element's centre */
+    char *at_blade;    /* [elements] 1 for those with a face that the blade has cut */
+    char *on_blade;    /* [faces] */
+    int *mark, *queue; /* [elements] search that met the element last; room for one search */
     int stamp;
 } dgfemi_blade_sides;
 
@@ -19199,9 +19411,10 @@ static dgfem_status dgfemi_skin_result(dgfemi_skin_cutter *c, dgfem_skin **out) 
         status = dgfemi_fail_memory(hooks);
     if (status == DGFEM_OK) {
         dgfemi_skin_result_fill(c, skin);
-        rest = dgfem_points_in_vec3((const dgfem_vec3 *)(const void *)c->vertices, c->vertex_count); /* its first member */
+        rest =
+            dgfem_points_in_vec3((const dgfem_vec3 *)(const void *)c->vertices, c->vertex_count); /* its first member */
         rest.stride = (int)sizeof *c->vertices;
-        status = dgfemi_skin_embed(skin, c->body, &rest, homes);
+        status = dgfemi_skin_embed(skin, c->body, &rest, homes, c->skin->embedding);
     }
     dgfemi_arena_free(&arena);
     if (status != DGFEM_OK) {
@@ -19229,8 +19442,7 @@ static dgfem_status dgfemi_skin_cut(const dgfem_skin *skin, const dgfem_body *bo
     if (dgfemi_skin_find_chords(&c) && dgfemi_skin_split_all(&c) && dgfemi_skin_find_slit(&c) &&
         dgfemi_skin_find_caps(&c) && dgfemi_skin_make_vertices(&c) && dgfemi_skin_make_walls(&c))
         status = dgfemi_skin_result(&c, out);
-    else
-        status = dgfemi_fail_memory(&skin->hooks);
+    else status = dgfemi_fail_memory(&skin->hooks);
     dgfemi_skin_cutter_free(&c);
     return status;
 }
@@ -19366,7 +19578,7 @@ static int dgfemi_surface_is_smooth(const dgfemi_surface_build *build, int a, in
     return dgfemi_dot(dgfemi_surface_side_normal(build, s), dgfemi_surface_side_normal(build, t)) >= DGFEM_CREASE;
 }
 
-/* Joins the side corners of each corner to smooth parts and numbers these: vertices of the surface. Returns how many. */
+/* Joins the side corners of each corner to smooth parts and numbers these: vertices of the surface. How many? */
 static int dgfemi_surface_number(dgfemi_surface_build *build) {
     int count = 0;
     for (int c = 0; c < build->corners->count; c++) {
@@ -19471,7 +19683,8 @@ static int dgfemi_surface_sample(dgfemi_surface_build *build, dgfemi_arena *aren
     if (!positions || !start || !elements || !surface->sample) return 0;
     for (int c = 0; c < corners->count; c++) {
         if (build->head[c] == DGFEM_NONE) continue;
-        for (int i = build->head[c]; i != DGFEM_NONE; i = build->chain[i]) surface->sample[build->items[i].out] = samples;
+        for (int i = build->head[c]; i != DGFEM_NONE; i = build->chain[i])
+            surface->sample[build->items[i].out] = samples;
         positions[samples] = build->mesh->vertices[corners->vertex[c]];
         start[samples++] = terms;
         for (int i = corners->element_start[c]; i < corners->element_start[c + 1]; i++)
@@ -19548,7 +19761,8 @@ static int dgfemi_surface_fill(dgfemi_arena *arena, const dgfem_body *body, cons
     surface->normals = (dgfem_vec3 *)dgfemi_allocate(hooks, vertices, sizeof(dgfem_vec3));
     surface->embedding = dgfemi_embedding_new(body, hooks);
     if (!surface->positions || !surface->normals || !surface->embedding) return 0;
-    return dgfemi_surface_sample(&build, arena, body, surface) && dgfemi_surface_add_triangles(&build, hooks, surface) &&
+    return dgfemi_surface_sample(&build, arena, body, surface) &&
+           dgfemi_surface_add_triangles(&build, hooks, surface) &&
            dgfemi_list_corners(hooks, surface->triangles, surface->triangle_count, surface->vertex_count,
                                &surface->corner_start, &surface->corners);
 }

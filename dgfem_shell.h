@@ -18,7 +18,12 @@
    static.c           Static equilibrium by Newton's method or frozen rotations, in load steps.
    step.c             Implicit Euler: one step solves, for the velocities v at its end, (1 + h alpha) M v + h (f_int(x
                       + h v) + beta K v - F_ext - F_contact) = M v0, x+ = x + h v, by Newton's method.
-   query.c            What can be asked about a shell's state. */
+   query.c            What can be asked about a shell's state.
+   cut.c              Topology that changes: edges separated or turned into hinges, elements split along a plane.
+   split.c            Cuts across elements: triangles that follow a plane take the place of the elements that it
+                      crosses.
+   surface.c          Render surface: the curved elements evaluated on a lattice of parameters, with their exact
+                      normals, as one or two sheets of triangles, closed by rims along the boundary. */
 
 #include "dgfem.h"
 
@@ -326,8 +331,7 @@ DGFEM_API dgfem_real dgfem_shell_area(const dgfem_shell *shell); /* at rest */
 /* ---- cutting ---- */
 
 /* Separates (DGFEM_SHELL_GAP) or unglues (DGFEM_SHELL_HINGE) interior edges, or glues hinges again (DGFEM_SHELL_GLUED).
-   Nodes around which elements fall apart are doubled; fixtures, loads and pins of a node stay with all its copies
-   (forces are shared out). On failure nothing has changed. */
+   Nodes around which elements fall apart are doubled; fixtures hold all copies, forces and pins stay with one. On failure nothing has changed. */
 DGFEM_API dgfem_status dgfem_shell_cut_edges(dgfem_shell *shell, const int *edges, int count, dgfem_shell_joint joint);
 
 typedef struct dgfem_shell_cut_desc {
@@ -378,8 +382,6 @@ typedef struct dgfem_shell_surface {
     int point_count;       /* points of the middle surface */
     int *point_of;         /* for each element its points, row by row */
     int *point_start;      /* [elements + 1] */
-    int *rim;              /* boundary: pairs of neighbouring points */
-    int rim_count;
     dgfem_real *half;      /* [points] half the thickness */
     dgfem_hooks hooks;
 } dgfem_shell_surface;
@@ -1751,6 +1753,7 @@ static dgfem_real dgfem_shelli_rotate_support(const dgfem_shell *shell, const dg
         dgfem_shelli_rotate_in_plane(shell, point, local, condition->vector, spins, k);
     if (shell->desc.corotational) return 0;
     k->r = dgfem_shelli_identity();
+    if (condition->kind == DGFEM_SHELL_CONDITION_ROTATION) return dgfem_shelli_scalar_now(shell, condition);
     return dgfem_shelli_dot(point->f2, dgfem_shelli_multiply(&turn, point->t));
 }
 
@@ -3832,6 +3835,926 @@ DGFEM_API dgfem_real dgfem_shell_area(const dgfem_shell *shell) {
     dgfem_real area = 0;
     for (int e = 0; shell && e < shell->element_count; e++) area += shell->elements[e].area;
     return area;
+}
+
+/* ==== cut.c ======================================================================================================= */
+
+/* Topology that changes: edges separated or turned into hinges, elements split along a plane.
+
+   Every change builds a new topology beside the old one and takes its place only when all of it has succeeded. Middle
+   nodes tell edges apart, so that separating two elements means giving one of them a middle node of its own; corners are
+   doubled where the elements around them no longer hang together. */
+
+DGFEM_API dgfem_shell_cut_desc dgfem_default_shell_cut_desc(void) {
+    dgfem_shell_cut_desc desc;
+    memset(&desc, 0, sizeof desc);
+    desc.cookie = DGFEM_SHELL_COOKIE;
+    desc.plane.normal.x = 1;
+    desc.current = 1;
+    desc.snap = DGFEM_R(0.1);
+    desc.joint = DGFEM_SHELL_GAP;
+    return desc;
+}
+
+/* What a new topology is made of, and where its nodes and edges come from. */
+typedef struct dgfem_shelli_edit {
+    const dgfem_shell *old;
+    dgfem_shelli_scratch scratch;
+    dgfem_shell_element *elements;
+    int element_count, element_capacity, node_count, node_capacity;
+    dgfem_vec3 *rest, *position, *velocity; /* [node_capacity] */
+    int *element_from; /* [element_capacity] the old element that an element is (a piece of) */
+    int *parent;    /* [node_capacity] the old node that a node copies, or DGFEM_NONE */
+    int *on_edge;   /* [node_capacity] of a new node: the old edge that it lies on, or DGFEM_NONE */
+    int *edge_from; /* [node_capacity] of a middle node: the old edge that its edge is (a part of), or DGFEM_NONE */
+    char *joint;    /* [node_capacity] of a middle node: what becomes of its edge */
+} dgfem_shelli_edit;
+
+static dgfem_status dgfem_shelli_edit_begin(dgfem_shelli_edit *edit, const dgfem_shell *shell, int elements,
+                                            int nodes) {
+    memset(edit, 0, sizeof *edit);
+    edit->old = shell;
+    edit->scratch = dgfem_shelli_scratch_make(&shell->hooks);
+    edit->element_capacity = elements;
+    edit->node_capacity = nodes;
+    edit->element_count = shell->element_count;
+    edit->node_count = shell->node_count;
+    size_t n = (size_t)nodes;
+    edit->elements =
+        (dgfem_shell_element *)dgfem_shelli_take(&edit->scratch, (size_t)elements, sizeof *edit->elements);
+    edit->rest = (dgfem_vec3 *)dgfem_shelli_take(&edit->scratch, n, sizeof(dgfem_vec3));
+    edit->position = (dgfem_vec3 *)dgfem_shelli_take(&edit->scratch, n, sizeof(dgfem_vec3));
+    edit->velocity = (dgfem_vec3 *)dgfem_shelli_take(&edit->scratch, n, sizeof(dgfem_vec3));
+    edit->element_from = (int *)dgfem_shelli_take(&edit->scratch, (size_t)elements, sizeof(int));
+    edit->on_edge = (int *)dgfem_shelli_take(&edit->scratch, n, sizeof(int));
+    edit->parent = (int *)dgfem_shelli_take(&edit->scratch, n, sizeof(int));
+    edit->edge_from = (int *)dgfem_shelli_take(&edit->scratch, n, sizeof(int));
+    edit->joint = (char *)dgfem_shelli_take(&edit->scratch, n, 1);
+    if (!edit->elements || !edit->rest || !edit->position || !edit->velocity || !edit->parent || !edit->edge_from ||
+        !edit->joint || !edit->element_from || !edit->on_edge)
+        return dgfem_shelli_fail_memory(&shell->hooks);
+    memcpy(edit->elements, shell->elements, (size_t)shell->element_count * sizeof *edit->elements);
+    memcpy(edit->rest, shell->rest, dgfem_shelli_bytes(shell));
+    memcpy(edit->position, shell->position, dgfem_shelli_bytes(shell));
+    memcpy(edit->velocity, shell->velocity, dgfem_shelli_bytes(shell));
+    for (int i = 0; i < nodes; i++) {
+        edit->parent[i] = i < shell->node_count ? i : DGFEM_NONE;
+        edit->edge_from[i] = edit->on_edge[i] = DGFEM_NONE;
+    }
+    for (int e = 0; e < shell->element_count; e++) edit->element_from[e] = e;
+    for (int i = 0; i < shell->edge_count; i++) {
+        edit->edge_from[shell->edges[i].node[2]] = i;
+        edit->joint[shell->edges[i].node[2]] = (char)shell->edges[i].joint;
+    }
+    return DGFEM_OK;
+}
+
+static int dgfem_shelli_edit_node(dgfem_shelli_edit *edit, dgfem_vec3 rest, dgfem_vec3 position, dgfem_vec3 velocity) {
+    DGFEM_ASSERT(edit->node_count < edit->node_capacity);
+    int i = edit->node_count++;
+    edit->rest[i] = rest, edit->position[i] = position, edit->velocity[i] = velocity;
+    edit->parent[i] = edit->edge_from[i] = edit->on_edge[i] = DGFEM_NONE;
+    edit->joint[i] = DGFEM_SHELL_GLUED;
+    return i;
+}
+
+static int dgfem_shelli_edit_copy(dgfem_shelli_edit *edit, int node) {
+    int i = dgfem_shelli_edit_node(edit, edit->rest[node], edit->position[node], edit->velocity[node]);
+    edit->parent[i] = edit->parent[node];
+    edit->edge_from[i] = edit->edge_from[node];
+    edit->on_edge[i] = edit->on_edge[node];
+    edit->joint[i] = edit->joint[node];
+    return i;
+}
+
+/* ---- separating ---- */
+
+static int dgfem_shelli_root(int *parent, int i) {
+    while (parent[i] != i) i = parent[i] = parent[parent[i]];
+    return i;
+}
+
+/* Elements as seen from their corners: number 4 e + k. Those joined around a node, through edges that are no gaps, become
+   one class. side_of[] ends as the last side 4 e + k at each middle node. */
+static void dgfem_shelli_join_corners(const dgfem_shelli_edit *edit, int *class_of, int *side_of) {
+    for (int i = 0; i < 4 * edit->element_count; i++) class_of[i] = i;
+    for (int i = 0; i < edit->node_count; i++) side_of[i] = DGFEM_NONE;
+    for (int e = 0; e < edit->element_count; e++) {
+        const dgfem_shell_element *element = &edit->elements[e];
+        int corners = dgfem_shelli_corners(element);
+        for (int k = 0; k < corners; k++) {
+            int middle = element->node[corners + k], other = side_of[middle];
+            side_of[middle] = 4 * e + k;
+            if (other == DGFEM_NONE || edit->joint[middle] == DGFEM_SHELL_GAP) continue;
+            int f = other / 4, l = other % 4, count = dgfem_shelli_corners(&edit->elements[f]);
+            int next = 4 * e + (k + 1) % corners, after = 4 * f + (l + 1) % count; /* neighbours run against each other */
+            class_of[dgfem_shelli_root(class_of, 4 * e + k)] = dgfem_shelli_root(class_of, after);
+            class_of[dgfem_shelli_root(class_of, next)] = dgfem_shelli_root(class_of, 4 * f + l);
+        }
+    }
+}
+
+/* Doubles the middle nodes of gaps and the corners around which elements fall apart. Room for a copy per side and per
+   corner must be there. Returns the number of edges separated, or -1 when out of memory. */
+static int dgfem_shelli_edit_separate(dgfem_shelli_edit *edit) {
+    int count = edit->element_count, separated = 0, nodes = edit->node_count;
+    int *class_of = (int *)dgfem_shelli_take(&edit->scratch, 4 * (size_t)count, sizeof(int));
+    int *side_of = (int *)dgfem_shelli_take(&edit->scratch, (size_t)edit->node_capacity, sizeof(int));
+    int *owner = (int *)dgfem_shelli_take(&edit->scratch, (size_t)edit->node_capacity, sizeof(int));
+    int *copy = (int *)dgfem_shelli_take(&edit->scratch, 4 * (size_t)count, sizeof(int));
+    if (!class_of || !side_of || !owner || !copy) return -1;
+    dgfem_shelli_join_corners(edit, class_of, side_of);
+    for (int i = 0; i < nodes; i++) owner[i] = DGFEM_NONE;
+    for (int i = 0; i < 4 * count; i++) copy[i] = DGFEM_NONE;
+    for (int e = 0; e < count; e++) {
+        dgfem_shell_element *element = &edit->elements[e];
+        int corners = dgfem_shelli_corners(element);
+        for (int k = 0; k < corners; k++) { /* the first class around a node keeps it */
+            int root = dgfem_shelli_root(class_of, 4 * e + k), node = element->node[k];
+            if (owner[node] == DGFEM_NONE) owner[node] = root, copy[root] = node;
+            if (copy[root] == DGFEM_NONE) copy[root] = dgfem_shelli_edit_copy(edit, node);
+            element->node[k] = copy[root];
+        }
+        for (int k = corners; k < 2 * corners; k++) {
+            int node = element->node[k];
+            if (edit->joint[node] != DGFEM_SHELL_GAP || side_of[node] == 4 * e + k - corners) continue;
+            element->node[k] = dgfem_shelli_edit_copy(edit, node);
+            separated++;
+        }
+    }
+    for (int i = 0; i < edit->node_count; i++)
+        if (edit->joint[i] == DGFEM_SHELL_GAP) edit->joint[i] = DGFEM_SHELL_GLUED; /* boundary now */
+    return separated;
+}
+
+/* ---- the new topology ---- */
+
+/* Whether item i of the new topology belongs to a condition whose old items are marked. Fixtures hold all copies of
+   their nodes, and what is new on edges all of whose nodes they hold; forces and pins stay with the node's number. */
+static int dgfem_shelli_belongs(const dgfem_shelli_edit *edit, const dgfem_shell *next,
+                                const dgfem_shell_condition *condition, const char *mark, int i) {
+    if (condition->kind == DGFEM_SHELL_CONDITION_FIX) {
+        if (edit->parent[i] != DGFEM_NONE) return mark[edit->parent[i]];
+        if (edit->on_edge[i] == DGFEM_NONE) return 0;
+        const int *node = edit->old->edges[edit->on_edge[i]].node;
+        return mark[node[0]] && mark[node[1]] && mark[node[2]];
+    }
+    if (condition->kind == DGFEM_SHELL_CONDITION_FORCE || condition->kind == DGFEM_SHELL_CONDITION_PIN)
+        return i < edit->old->node_count && mark[i];
+    if (condition->kind == DGFEM_SHELL_CONDITION_PRESSURE) return mark[edit->element_from[i]];
+    int from = edit->edge_from[next->edges[i].node[2]];
+    return from != DGFEM_NONE && mark[from];
+}
+
+static dgfem_status dgfem_shelli_renew_condition(const dgfem_shelli_edit *edit, const dgfem_shell *next,
+                                                 const dgfem_shell_condition *old, char *mark,
+                                                 dgfem_shell_condition *out) {
+    int nodal = old->kind == DGFEM_SHELL_CONDITION_FIX || old->kind == DGFEM_SHELL_CONDITION_FORCE ||
+                old->kind == DGFEM_SHELL_CONDITION_PIN;
+    int limit = nodal ? next->node_count : old->kind == DGFEM_SHELL_CONDITION_PRESSURE ? next->element_count
+                                                                                      : next->edge_count;
+    *out = *old;
+    out->count = 0;
+    for (int i = 0; i < old->count; i++) mark[old->items[i]] = 1;
+    for (int i = 0; i < limit; i++) out->count += dgfem_shelli_belongs(edit, next, old, mark, i);
+    out->items = (int *)dgfem_shelli_allocate(&next->hooks, (size_t)out->count, sizeof(int));
+    for (int i = 0, k = 0; out->items && i < limit; i++)
+        if (dgfem_shelli_belongs(edit, next, old, mark, i)) out->items[k++] = i;
+    for (int i = 0; i < old->count; i++) mark[old->items[i]] = 0;
+    return out->items ? DGFEM_OK : dgfem_shelli_fail_memory(&next->hooks);
+}
+
+static dgfem_status dgfem_shelli_renew_conditions(dgfem_shelli_edit *edit, dgfem_shell *next) {
+    const dgfem_shell *old = edit->old;
+    size_t items = (size_t)old->node_count + (size_t)old->edge_count + (size_t)old->element_count;
+    char *mark = (char *)dgfem_shelli_take(&edit->scratch, items, 1);
+    next->condition_count = 0;
+    next->conditions = (dgfem_shell_condition *)dgfem_shelli_allocate(
+        &next->hooks, (size_t)old->condition_capacity, sizeof *next->conditions);
+    if (!mark || !next->conditions) return dgfem_shelli_fail_memory(&next->hooks);
+    for (int c = 0; c < old->condition_count; c++) {
+        dgfem_status status =
+            dgfem_shelli_renew_condition(edit, next, &old->conditions[c], mark, &next->conditions[c]);
+        if (status) return status;
+        next->condition_count++;
+    }
+    return DGFEM_OK;
+}
+
+static void dgfem_shelli_free_conditions(dgfem_shell *shell) {
+    for (int c = 0; c < shell->condition_count; c++) dgfem_shelli_free(&shell->hooks, shell->conditions[c].items);
+    dgfem_shelli_free(&shell->hooks, shell->conditions);
+}
+
+static dgfem_status dgfem_shelli_edit_build(dgfem_shelli_edit *edit, dgfem_shell *next) {
+    next->element_count = edit->element_count;
+    next->node_count = edit->node_count;
+    if (!dgfem_shelli_allocate_elements(next) || !dgfem_shelli_allocate_nodes(next))
+        return dgfem_shelli_fail_memory(&next->hooks);
+    memcpy(next->elements, edit->elements, (size_t)next->element_count * sizeof *next->elements);
+    memcpy(next->rest, edit->rest, dgfem_shelli_bytes(next));
+    memcpy(next->position, edit->position, dgfem_shelli_bytes(next));
+    memcpy(next->velocity, edit->velocity, dgfem_shelli_bytes(next));
+    dgfem_status status = dgfem_shelli_connect(next);
+    if (!status) status = dgfem_shelli_measure(next);
+    if (status) return status;
+    for (int i = 0; i < next->edge_count; i++)
+        if (!dgfem_shelli_is_boundary(&next->edges[i]))
+            next->edges[i].joint = (dgfem_shell_joint)edit->joint[next->edges[i].node[2]];
+    status = dgfem_shelli_system_create(next);
+    if (status == DGFEM_ERROR_MEMORY) return dgfem_shelli_fail_memory(&next->hooks);
+    return status ? status : dgfem_shelli_renew_conditions(edit, next);
+}
+
+/* Separates the gaps, builds the new topology and puts it in the shell's place. *separated: edges that came apart. */
+static dgfem_status dgfem_shelli_edit_commit(dgfem_shelli_edit *edit, dgfem_shell *shell, int *separated) {
+    dgfem_shell next = *shell;
+    *separated = dgfem_shelli_edit_separate(edit);
+    if (*separated < 0) return dgfem_shelli_fail_memory(&shell->hooks);
+    next.rest = next.position = next.velocity = NULL;
+    next.node_area = next.node_mass = next.node_load = next.node_half = next.node_spring = NULL;
+    next.elements = NULL;
+    next.edges = NULL;
+    next.system = NULL;
+    next.conditions = NULL;
+    next.condition_count = 0;
+    dgfem_status status = dgfem_shelli_edit_build(edit, &next);
+    if (status) {
+        dgfem_shelli_free_topology(&next);
+        dgfem_shelli_free_conditions(&next);
+        return status;
+    }
+    dgfem_shelli_free_topology(shell);
+    dgfem_shelli_free_conditions(shell);
+    *shell = next;
+    shell->revision++;
+    dgfem_shelli_refresh_edges(shell);
+    return DGFEM_OK;
+}
+
+/* ---- cuts along edges ---- */
+
+DGFEM_API dgfem_status dgfem_shell_cut_edges(dgfem_shell *shell, const int *edges, int count, dgfem_shell_joint joint) {
+    dgfem_shelli_edit edit;
+    int separated;
+    if (!shell) return DGFEM_ERROR_ARGUMENT;
+    dgfem_status status = dgfem_shelli_check_items(shell, edges, count, shell->edge_count, "edge");
+    for (int i = 0; !status && i < count; i++)
+        if (dgfem_shelli_is_boundary(&shell->edges[edges[i]]))
+            status = dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_ARGUMENT, "edge %d is on the boundary", edges[i]);
+    if (!status && (int)joint > DGFEM_SHELL_GAP)
+        status = dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_ARGUMENT, "unknown joint %d", (int)joint);
+    if (status) return status;
+    status = dgfem_shelli_edit_begin(&edit, shell, shell->element_count, shell->node_count + 8 * shell->element_count);
+    for (int i = 0; !status && i < count; i++) edit.joint[shell->edges[edges[i]].node[2]] = (char)joint;
+    if (!status) status = dgfem_shelli_edit_commit(&edit, shell, &separated);
+    dgfem_shelli_scratch_free(&edit.scratch);
+    return status;
+}
+
+/* ---- pieces ---- */
+
+DGFEM_API dgfem_status dgfem_shell_pieces(const dgfem_shell *shell, int *count, int *piece) {
+    if (!shell || !count) return DGFEM_ERROR_ARGUMENT;
+    dgfem_shelli_scratch scratch = dgfem_shelli_scratch_make(&shell->hooks);
+    int *class_of = (int *)dgfem_shelli_take(&scratch, (size_t)shell->element_count, sizeof(int));
+    int *number = (int *)dgfem_shelli_take(&scratch, (size_t)shell->element_count, sizeof(int));
+    if (!class_of || !number) {
+        dgfem_shelli_scratch_free(&scratch);
+        return dgfem_shelli_fail_memory(&shell->hooks);
+    }
+    for (int e = 0; e < shell->element_count; e++) class_of[e] = e, number[e] = DGFEM_NONE;
+    for (int i = 0; i < shell->edge_count; i++)
+        if (!dgfem_shelli_is_boundary(&shell->edges[i]))
+            class_of[dgfem_shelli_root(class_of, shell->edges[i].element[0])] =
+                dgfem_shelli_root(class_of, shell->edges[i].element[1]);
+    *count = 0;
+    for (int e = 0; e < shell->element_count; e++) {
+        int root = dgfem_shelli_root(class_of, e);
+        if (number[root] == DGFEM_NONE) number[root] = (*count)++;
+        if (piece) piece[e] = number[root];
+    }
+    dgfem_shelli_scratch_free(&scratch);
+    return DGFEM_OK;
+}
+
+/* ==== split.c ===================================================================================================== */
+
+/* Cuts across elements: triangles that follow a plane take the place of the elements that it crosses.
+
+   Corners are below (-1), on (0) or above (1) the plane. Every run of corners below, between two points of the boundary
+   on the plane (a corner that counts as on it, or a crossed side), is cut off by one chord:
+
+        + ------- +            The sides' crossing points become corners, in place of the sides' middle nodes: so no
+        |         |            node is left over. Each part is divided into triangles with the best worst angle.
+        x . chord x            An element that is not cut itself, but whose side was crossed, is divided likewise.
+        |  .    . |
+        - --- - --             */
+
+enum { DGFEM_SHELLI_MAX_POLYGON = 8 };
+
+typedef struct dgfem_shelli_splitter {
+    dgfem_shelli_edit *edit;
+    const dgfem_shell_cut_desc *desc;
+    dgfem_real *distance;      /* [old nodes] of corners from the plane */
+    signed char *side;         /* [old nodes] of corners */
+    char *cut;                 /* [old elements] whether the cut runs through */
+    dgfem_real *crossing;      /* [old edges] where a split edge is split, 0 < t < 1 from its start; 0: not split */
+    int *half;                 /* [2 * old edges] new middle nodes of a split edge */
+    int elements_split;
+} dgfem_shelli_splitter;
+
+/* ---- where the plane runs ---- */
+
+static dgfem_real dgfem_shelli_plane_distance(const dgfem_shelli_splitter *s, int node) {
+    const dgfem_shell *shell = s->edit->old;
+    const dgfem_vec3 *x = s->desc->current ? shell->position : shell->rest;
+    return dgfem_shelli_dot(s->desc->plane.normal, x[node]) - s->desc->plane.offset;
+}
+
+/* Whether a point is between the planes that bound the cut. */
+static int dgfem_shelli_in_bounds(const dgfem_shell_cut_desc *desc, dgfem_vec3 x) {
+    dgfem_vec3 along = dgfem_shelli_sub(desc->to, desc->from);
+    dgfem_real t = dgfem_shelli_dot(along, dgfem_shelli_sub(x, desc->from));
+    return !desc->bounded || (t >= 0 && t <= dgfem_shelli_dot(along, along));
+}
+
+static void dgfem_shelli_classify(const dgfem_shelli_splitter *s) {
+    const dgfem_shell *shell = s->edit->old;
+    for (int i = 0; i < shell->node_count; i++) {
+        s->distance[i] = dgfem_shelli_plane_distance(s, i);
+        s->side[i] = (signed char)(s->distance[i] > 0 ? 1 : s->distance[i] < 0 ? -1 : 0);
+    }
+    for (int i = 0; i < shell->edge_count; i++) {
+        int a = shell->edges[i].node[0], b = shell->edges[i].node[1];
+        dgfem_real da = dgfem_shelli_abs(s->distance[a]), db = dgfem_shelli_abs(s->distance[b]);
+        if (!((s->distance[a] < 0 && s->distance[b] > 0) || (s->distance[a] > 0 && s->distance[b] < 0))) continue;
+        if (da <= s->desc->snap * (da + db)) s->side[a] = 0;
+        if (db <= s->desc->snap * (da + db)) s->side[b] = 0;
+    }
+}
+
+static int dgfem_shelli_is_crossed(const dgfem_shelli_splitter *s, int edge) {
+    const int *node = s->edit->old->edges[edge].node;
+    return s->side[node[0]] * s->side[node[1]] < 0;
+}
+
+/* Middle of the points where an element's boundary meets the plane. 0 where the plane does not run through it. */
+static int dgfem_shelli_crosses(const dgfem_shelli_splitter *s, int e, dgfem_vec3 *middle) {
+    const dgfem_shell *shell = s->edit->old;
+    const dgfem_shell_element *element = &shell->elements[e];
+    const dgfem_vec3 *x = s->desc->current ? shell->position : shell->rest;
+    int corners = dgfem_shelli_corners(element), above = 0, below = 0, points = 0;
+    *middle = dgfem_shelli_vec3(0, 0, 0);
+    for (int k = 0; k < corners; k++) {
+        int a = element->node[k], b = element->node[(k + 1) % corners];
+        above += s->side[a] > 0;
+        below += s->side[a] < 0;
+        if (s->side[a] == 0) *middle = dgfem_shelli_add(*middle, x[a]), points++;
+        if (s->side[a] * s->side[b] >= 0) continue;
+        dgfem_real t = s->distance[a] / (s->distance[a] - s->distance[b]);
+        *middle = dgfem_shelli_add(*middle, dgfem_shelli_axpy(x[a], t, dgfem_shelli_sub(x[b], x[a])));
+        points++;
+    }
+    if (!above || !below) return 0;
+    *middle = dgfem_shelli_scale(1 / (dgfem_real)points, *middle);
+    return 1;
+}
+
+/* The root of the distance along a crossed edge, kept away from its ends. */
+static dgfem_real dgfem_shelli_crossing(const dgfem_shelli_splitter *s, const int *node) {
+    dgfem_real da = s->distance[node[0]], db = s->distance[node[1]], dm = s->distance[node[2]], low = 0, high = 1;
+    dgfem_real margin = dgfem_shelli_max(DGFEM_R(0.5) * s->desc->snap, DGFEM_R(1e-3));
+    for (int k = 0; k < 60; k++) {
+        dgfem_real t = DGFEM_R(0.5) * (low + high);
+        dgfem_real d = da * (1 - t) * (1 - 2 * t) + 4 * dm * t * (1 - t) + db * t * (2 * t - 1);
+        if ((d > 0) == (da > 0)) low = t;
+        else high = t;
+    }
+    return low < margin ? margin : low > 1 - margin ? 1 - margin : low;
+}
+
+/* ---- splitting edges ---- */
+
+/* A point of an old element: node a of a new one. */
+static int dgfem_shelli_interpolate(dgfem_shelli_edit *edit, const dgfem_shell_element *element,
+                                    dgfem_shelli_parameter p, int at) {
+    const dgfem_shell *old = edit->old;
+    dgfem_vec3 x[DGFEM_SHELL_MAX_NODES], rest, position, velocity;
+    dgfem_shelli_basis f;
+    int n = element->node_count;
+    dgfem_shelli_basis_at(n, p, &f);
+    dgfem_shelli_gather(old->rest, element->node, n, x);
+    rest = dgfem_shelli_sum(f.n, x, n);
+    dgfem_shelli_gather(old->position, element->node, n, x);
+    position = dgfem_shelli_sum(f.n, x, n);
+    dgfem_shelli_gather(old->velocity, element->node, n, x);
+    velocity = dgfem_shelli_sum(f.n, x, n);
+    if (at == DGFEM_NONE) return dgfem_shelli_edit_node(edit, rest, position, velocity);
+    edit->rest[at] = rest, edit->position[at] = position, edit->velocity[at] = velocity;
+    return at;
+}
+
+/* The middle node moves to the crossing and becomes a corner; two new ones are made. */
+static void dgfem_shelli_split_edge(dgfem_shelli_splitter *s, int index) {
+    dgfem_shelli_edit *edit = s->edit;
+    const dgfem_shell_edge *edge = &edit->old->edges[index];
+    const dgfem_shell_element *element = &edit->old->elements[edge->element[0]];
+    dgfem_real t = s->crossing[index] = dgfem_shelli_crossing(s, edge->node);
+    int n = element->node_count, side = edge->side[0];
+    (void)dgfem_shelli_interpolate(edit, element, dgfem_shelli_side(n, side, 2 * t - 1), edge->node[2]);
+    for (int k = 0; k < 2; k++) {
+        int node = dgfem_shelli_interpolate(edit, element, dgfem_shelli_side(n, side, k ? t : t - 1), DGFEM_NONE);
+        edit->edge_from[node] = edit->on_edge[node] = index;
+        edit->joint[node] = (char)edge->joint;
+        s->half[2 * index + k] = node;
+    }
+    edit->edge_from[edge->node[2]] = DGFEM_NONE;
+    edit->joint[edge->node[2]] = DGFEM_SHELL_GLUED;
+}
+
+/* ---- dividing elements ---- */
+
+typedef struct dgfem_shelli_polygon {
+    int count;
+    int node[DGFEM_SHELLI_MAX_POLYGON];
+    dgfem_shelli_parameter at[DGFEM_SHELLI_MAX_POLYGON];
+    int side[DGFEM_SHELLI_MAX_POLYGON];                              /* of the plane */
+    int middle[DGFEM_SHELLI_MAX_POLYGON][DGFEM_SHELLI_MAX_POLYGON];  /* of the line between two points, or DGFEM_NONE */
+    dgfem_vec3 x[DGFEM_SHELLI_MAX_POLYGON];                          /* at rest */
+} dgfem_shelli_polygon;
+
+static void dgfem_shelli_polygon_push(dgfem_shelli_polygon *polygon, const dgfem_shelli_edit *edit, int node,
+                                      dgfem_shelli_parameter at, int side) {
+    int i = polygon->count++;
+    polygon->node[i] = node;
+    polygon->at[i] = at;
+    polygon->side[i] = side;
+    polygon->x[i] = edit->rest[node];
+}
+
+/* The element's boundary with its crossing points. */
+static void dgfem_shelli_polygon_make(const dgfem_shelli_splitter *s, const dgfem_shell_element *element, int e,
+                                      dgfem_shelli_polygon *polygon) {
+    const dgfem_shelli_edit *edit = s->edit;
+    int n = element->node_count, corners = n / 2, middle[DGFEM_SHELLI_MAX_POLYGON];
+    polygon->count = 0;
+    for (int k = 0; k < corners; k++) {
+        int index = element->edge[k], forward = edit->old->edges[index].element[0] == e;
+        dgfem_real t = s->crossing[index];
+        forward = forward && edit->old->edges[index].side[0] == k;
+        middle[polygon->count] = element->node[corners + k];
+        if (t > 0) middle[polygon->count] = s->half[2 * index + !forward];
+        dgfem_shelli_polygon_push(polygon, edit, element->node[k], dgfem_shelli_corner(n, k), s->side[element->node[k]]);
+        if (!(t > 0)) continue;
+        middle[polygon->count] = s->half[2 * index + forward];
+        dgfem_shelli_polygon_push(polygon, edit, element->node[corners + k],
+                                  dgfem_shelli_side(n, k, forward ? 2 * t - 1 : 1 - 2 * t), 0);
+    }
+    for (int i = 0; i < polygon->count; i++)
+        for (int j = 0; j < polygon->count; j++) polygon->middle[i][j] = DGFEM_NONE;
+    for (int i = 0; i < polygon->count; i++) {
+        int j = (i + 1) % polygon->count;
+        polygon->middle[i][j] = polygon->middle[j][i] = middle[i];
+    }
+}
+
+static int dgfem_shelli_polygon_middle(dgfem_shelli_splitter *s, const dgfem_shell_element *element,
+                                       dgfem_shelli_polygon *polygon, int i, int j) {
+    if (polygon->middle[i][j] == DGFEM_NONE) {
+        dgfem_shelli_parameter p = polygon->at[i], q = polygon->at[j];
+        p = dgfem_shelli_parameter_make((p.a + q.a) / 2, (p.b + q.b) / 2);
+        polygon->middle[i][j] = polygon->middle[j][i] = dgfem_shelli_interpolate(s->edit, element, p, DGFEM_NONE);
+    }
+    return polygon->middle[i][j];
+}
+
+/* How bad a triangle is: longest side squared by area, large where it is flat in the parameters. */
+static dgfem_real dgfem_shelli_badness(const dgfem_shelli_polygon *polygon, int i, int j, int k) {
+    dgfem_shelli_parameter p = polygon->at[i], q = polygon->at[j], r = polygon->at[k];
+    dgfem_vec3 a = dgfem_shelli_sub(polygon->x[j], polygon->x[i]), b = dgfem_shelli_sub(polygon->x[k], polygon->x[j]);
+    dgfem_vec3 c = dgfem_shelli_sub(polygon->x[i], polygon->x[k]);
+    dgfem_real flat = (q.a - p.a) * (r.b - p.b) - (q.b - p.b) * (r.a - p.a);
+    dgfem_real longest = dgfem_shelli_max(dgfem_shelli_dot(a, a), dgfem_shelli_max(dgfem_shelli_dot(b, b), dgfem_shelli_dot(c, c)));
+    dgfem_real area = dgfem_shelli_norm(dgfem_shelli_cross(a, b));
+    if (!(flat > DGFEM_R(1e-5)) || !(area > DGFEM_R(1e-12) * longest)) return DGFEM_R(1e30);
+    return longest / area;
+}
+
+static void dgfem_shelli_add_triangle(dgfem_shelli_splitter *s, const dgfem_shell_element *element, int e,
+                                      dgfem_shelli_polygon *polygon, int i, int j, int k, int *pieces) {
+    dgfem_shelli_edit *edit = s->edit;
+    int to = (*pieces)++ ? edit->element_count++ : e;
+    dgfem_shell_element *piece = &edit->elements[to];
+    DGFEM_ASSERT(edit->element_count <= edit->element_capacity);
+    *piece = *element;
+    piece->node_count = 6;
+    piece->node[0] = polygon->node[i], piece->node[1] = polygon->node[j], piece->node[2] = polygon->node[k];
+    piece->node[3] = dgfem_shelli_polygon_middle(s, element, polygon, i, j);
+    piece->node[4] = dgfem_shelli_polygon_middle(s, element, polygon, j, k);
+    piece->node[5] = dgfem_shelli_polygon_middle(s, element, polygon, k, i);
+    edit->element_from[to] = e;
+}
+
+/* Triangles of a part of the polygon (indices, counter-clockwise), by the classical recursion over its sub-ranges:
+   best[i][j] is the least possible worst triangle between points i and j. */
+static void dgfem_shelli_triangulate(dgfem_shelli_splitter *s, const dgfem_shell_element *element, int e,
+                                     dgfem_shelli_polygon *polygon, const int *part, int count, int *pieces) {
+    dgfem_real best[DGFEM_SHELLI_MAX_POLYGON][DGFEM_SHELLI_MAX_POLYGON] = {{0}};
+    int apex[DGFEM_SHELLI_MAX_POLYGON][DGFEM_SHELLI_MAX_POLYGON] = {{0}};
+    int stack[2 * DGFEM_SHELLI_MAX_POLYGON][2], top = 0;
+    for (int span = 2; span < count; span++)
+        for (int i = 0; i + span < count; i++) {
+            int j = i + span;
+            best[i][j] = DGFEM_R(1e35);
+            for (int k = i + 1; k < j; k++) {
+                dgfem_real worst = dgfem_shelli_badness(polygon, part[i], part[k], part[j]);
+                worst = dgfem_shelli_max(worst, dgfem_shelli_max(best[i][k], best[k][j]));
+                if (worst < best[i][j]) best[i][j] = worst, apex[i][j] = k;
+            }
+        }
+    stack[top][0] = 0, stack[top++][1] = count - 1;
+    while (top) {
+        int i = stack[--top][0], j = stack[top][1], k = apex[i][j];
+        if (j - i < 2) continue;
+        dgfem_shelli_add_triangle(s, element, e, polygon, part[i], part[k], part[j], pieces);
+        stack[top][0] = i, stack[top++][1] = k;
+        stack[top][0] = k, stack[top++][1] = j;
+    }
+}
+
+/* Cuts off every run below the plane, then divides what is left. */
+static void dgfem_shelli_divide(dgfem_shelli_splitter *s, int e) {
+    const dgfem_shell_element *element = &s->edit->old->elements[e];
+    dgfem_shelli_polygon polygon;
+    int left[DGFEM_SHELLI_MAX_POLYGON], count = 0, pieces = 0;
+    dgfem_shelli_polygon_make(s, element, e, &polygon);
+    int n = polygon.count;
+    for (int i = 0; i < n; i++) {
+        int part[DGFEM_SHELLI_MAX_POLYGON], size = 1;
+        if (!s->cut[e] || polygon.side[i] != 0 || polygon.side[(i + 1) % n] >= 0) continue;
+        part[0] = i;
+        do part[size] = (i + size) % n;
+        while (polygon.side[part[size++]] < 0);
+        int joint_node = dgfem_shelli_polygon_middle(s, element, &polygon, part[0], part[size - 1]);
+        s->edit->joint[joint_node] = (char)s->desc->joint;
+        dgfem_shelli_triangulate(s, element, e, &polygon, part, size, &pieces);
+    }
+    for (int i = 0; i < n; i++)
+        if (!s->cut[e] || polygon.side[i] >= 0) left[count++] = i;
+    dgfem_shelli_triangulate(s, element, e, &polygon, left, count, &pieces);
+    s->elements_split++;
+}
+
+/* ---- the cut ---- */
+
+/* Mean distance of an element's corners: the side that it is on. */
+static int dgfem_shelli_element_above(const dgfem_shelli_splitter *s, int e) {
+    const dgfem_shell_element *element = &s->edit->old->elements[e];
+    dgfem_real sum = 0;
+    for (int k = 0; k < dgfem_shelli_corners(element); k++) sum += s->distance[element->node[k]];
+    return sum > 0;
+}
+
+/* Edges that lie on the plane, between elements on either side of it. */
+static void dgfem_shelli_cut_along(const dgfem_shelli_splitter *s) {
+    const dgfem_shell *shell = s->edit->old;
+    const dgfem_vec3 *x = s->desc->current ? shell->position : shell->rest;
+    for (int i = 0; i < shell->edge_count; i++) {
+        const dgfem_shell_edge *edge = &shell->edges[i];
+        if (dgfem_shelli_is_boundary(edge) || s->side[edge->node[0]] || s->side[edge->node[1]]) continue;
+        if (!dgfem_shelli_in_bounds(s->desc, x[edge->node[2]])) continue;
+        if (dgfem_shelli_element_above(s, edge->element[0]) != dgfem_shelli_element_above(s, edge->element[1]))
+            s->edit->joint[edge->node[2]] = (char)s->desc->joint;
+    }
+}
+
+/* Finds the elements that are cut and those that must be divided because a side was crossed. Returns how many. */
+static int dgfem_shelli_mark_elements(dgfem_shelli_splitter *s, const dgfem_shell *shell, char *touched) {
+    int count = 0;
+    for (int e = 0; e < shell->element_count; e++) {
+        dgfem_vec3 middle;
+        s->cut[e] = (char)(dgfem_shelli_crosses(s, e, &middle) && dgfem_shelli_in_bounds(s->desc, middle));
+        if (!s->cut[e]) continue;
+        touched[e] = 1;
+        for (int k = 0; k < dgfem_shelli_corners(&shell->elements[e]); k++) {
+            int index = shell->elements[e].edge[k];
+            if (!dgfem_shelli_is_crossed(s, index)) continue;
+            s->crossing[index] = 1;
+            for (int side = 0; side < 2; side++)
+                if (shell->edges[index].element[side] != DGFEM_NONE) touched[shell->edges[index].element[side]] = 1;
+        }
+    }
+    for (int e = 0; e < shell->element_count; e++) count += touched[e];
+    return count;
+}
+
+static dgfem_status dgfem_shelli_cut_elements(dgfem_shelli_splitter *s, dgfem_shell *shell,
+                                              dgfem_shelli_scratch *scratch, dgfem_shell_cut_info *info) {
+    dgfem_shelli_edit *edit = s->edit;
+    size_t nodes = (size_t)shell->node_count, elements = (size_t)shell->element_count, edges = (size_t)shell->edge_count;
+    char *touched = (char *)dgfem_shelli_take(scratch, elements, 1);
+    s->distance = (dgfem_real *)dgfem_shelli_take(scratch, nodes, sizeof(dgfem_real));
+    s->side = (signed char *)dgfem_shelli_take(scratch, nodes, 1);
+    s->cut = (char *)dgfem_shelli_take(scratch, elements, 1);
+    s->crossing = (dgfem_real *)dgfem_shelli_take(scratch, edges, sizeof(dgfem_real));
+    s->half = (int *)dgfem_shelli_take(scratch, 2 * edges, sizeof(int));
+    if (!touched || !s->distance || !s->side || !s->cut || !s->crossing || !s->half)
+        return dgfem_shelli_fail_memory(&shell->hooks);
+    edit->old = shell;
+    dgfem_shelli_classify(s);
+    int count = dgfem_shelli_mark_elements(s, shell, touched);
+
+    /* A divided element gives six triangles and five lines inside at most; two new middles per side. */
+    int element_room = shell->element_count + 5 * count, node_room = shell->node_count + 13 * count + 6 * element_room;
+    dgfem_status status = dgfem_shelli_edit_begin(edit, shell, element_room, node_room);
+    if (status) return status;
+    for (int i = 0; i < shell->edge_count; i++)
+        if (s->crossing[i] > 0) dgfem_shelli_split_edge(s, i);
+    for (int e = 0; e < shell->element_count; e++)
+        if (touched[e]) dgfem_shelli_divide(s, e);
+    dgfem_shelli_cut_along(s);
+    status = dgfem_shelli_edit_commit(edit, shell, &info->edges_cut);
+    info->elements_split = s->elements_split;
+    return status;
+}
+
+static dgfem_status dgfem_shelli_check_cut(const dgfem_shell *shell, const dgfem_shell_cut_desc *desc) {
+    if (!desc || desc->cookie != DGFEM_SHELL_COOKIE) return DGFEM_ERROR_DESCRIPTOR;
+    dgfem_status status = dgfem_shelli_check_vector(shell, desc->plane.normal, "normal");
+    if (!status) status = dgfem_shelli_check_real(shell, desc->plane.offset, "offset");
+    if (!status) status = dgfem_shelli_check_vector(shell, desc->from, "from");
+    if (!status) status = dgfem_shelli_check_vector(shell, desc->to, "to");
+    if (!status && !(dgfem_shelli_norm(desc->plane.normal) > 0))
+        status = dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_ARGUMENT, "the normal is zero");
+    if (!status && !(desc->snap >= 0 && desc->snap < DGFEM_R(0.5)))
+        status = dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_ARGUMENT, "snap is %g, expected in [0, 0.5)",
+                                   (double)desc->snap);
+    if (!status && ((int)desc->joint < 0 || desc->joint > DGFEM_SHELL_GAP))
+        status = dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_ARGUMENT, "unknown joint %d", (int)desc->joint);
+    return status;
+}
+
+DGFEM_API dgfem_status dgfem_shell_cut_plane(dgfem_shell *shell, const dgfem_shell_cut_desc *desc,
+                                             dgfem_shell_cut_info *info) {
+    dgfem_shell_cut_info local;
+    dgfem_shelli_splitter splitter;
+    dgfem_shelli_edit edit;
+    if (!shell) return DGFEM_ERROR_ARGUMENT;
+    dgfem_status status = dgfem_shelli_check_cut(shell, desc);
+    if (status) return status;
+    memset(&local, 0, sizeof local);
+    memset(&splitter, 0, sizeof splitter);
+    memset(&edit, 0, sizeof edit);
+    splitter.edit = &edit;
+    splitter.desc = desc;
+    dgfem_shelli_scratch scratch = dgfem_shelli_scratch_make(&shell->hooks);
+    local.nodes_added = -shell->node_count;
+    status = dgfem_shelli_cut_elements(&splitter, shell, &scratch, &local);
+    dgfem_shelli_scratch_free(&edit.scratch);
+    dgfem_shelli_scratch_free(&scratch);
+    if (status) return status;
+    local.nodes_added += shell->node_count;
+    if (info) {
+        *info = local;
+        return dgfem_shell_pieces(shell, &info->pieces, NULL);
+    }
+    return DGFEM_OK;
+}
+
+/* ==== surface.c =================================================================================================== */
+
+/* Render surface: the curved elements evaluated on a lattice of parameters, with their exact normals, as one or two
+   sheets of triangles, closed by rims along the boundary.
+
+   Points on sides are shared by the elements that meet there, corners by all around them. The lattice of a quadrilateral
+   has (m + 1)^2 points, row by row; row j of a triangle's has m + 1 - j. */
+
+DGFEM_API dgfem_shell_surface_desc dgfem_default_shell_surface_desc(void) {
+    dgfem_shell_surface_desc desc;
+    memset(&desc, 0, sizeof desc);
+    desc.cookie = DGFEM_SHELL_COOKIE;
+    desc.subdivision = 2;
+    desc.sides = 2;
+    return desc;
+}
+
+static int dgfem_shelli_row_length(int nodes, int m, int j) { return nodes == 8 ? m + 1 : m + 1 - j; }
+
+/* First point of row j. */
+static int dgfem_shelli_row_start(int nodes, int m, int j) {
+    return nodes == 8 ? (m + 1) * j : (m + 1) * j - j * (j - 1) / 2;
+}
+static int dgfem_shelli_lattice_size(int nodes, int m) {
+    return dgfem_shelli_row_start(nodes, m, m) + dgfem_shelli_row_length(nodes, m, m);
+}
+
+static dgfem_shelli_parameter dgfem_shelli_lattice_at(int nodes, int m, int i, int j) {
+    dgfem_real a = (dgfem_real)i / (dgfem_real)m, b = (dgfem_real)j / (dgfem_real)m;
+    return nodes == 8 ? dgfem_shelli_parameter_make(2 * a - 1, 2 * b - 1) : dgfem_shelli_parameter_make(a, b);
+}
+
+/* Where step k = 0 .. m of a side, in the element's own direction, stands in its lattice. */
+static int dgfem_shelli_lattice_side(int nodes, int m, int side, int k) {
+    int i = side == 0 ? k : side == 1 ? m : m - k, j = side == 0 ? 0 : side == 1 ? k : m;
+    if (nodes == 8 && side == 3) i = 0, j = m - k;
+    if (nodes == 6 && side == 1) i = m - k, j = k;
+    if (nodes == 6 && side == 2) i = 0, j = m - k;
+    return dgfem_shelli_row_start(nodes, m, j) + i;
+}
+
+/* ---- creation ---- */
+
+/* Numbers all points: corners by node, then the inner points of sides by edge, then the rest. */
+static int dgfem_shelli_number_points(dgfem_shell_surface *surface, const dgfem_shell *shell, int *corner) {
+    int m = surface->subdivision, next = 0;
+    for (int i = 0; i < shell->node_count; i++) corner[i] = DGFEM_NONE;
+    for (int e = 0; e < shell->element_count; e++)
+        for (int k = 0; k < dgfem_shelli_corners(&shell->elements[e]); k++)
+            if (corner[shell->elements[e].node[k]] == DGFEM_NONE) corner[shell->elements[e].node[k]] = next++;
+    int first = next;
+    next += shell->edge_count * (m - 1);
+    for (int e = 0; e < shell->element_count; e++) {
+        const dgfem_shell_element *element = &shell->elements[e];
+        int n = element->node_count, *point = surface->point_of + surface->point_start[e];
+        for (int i = 0; i < dgfem_shelli_lattice_size(n, m); i++) point[i] = DGFEM_NONE;
+        for (int side = 0; side < n / 2; side++) {
+            const dgfem_shell_edge *edge = &shell->edges[element->edge[side]];
+            int forward = edge->element[0] == e && edge->side[0] == side;
+            point[dgfem_shelli_lattice_side(n, m, side, 0)] = corner[element->node[side]];
+            for (int k = 1; k < m; k++)
+                point[dgfem_shelli_lattice_side(n, m, side, k)] =
+                    first + element->edge[side] * (m - 1) + (forward ? k : m - k) - 1;
+        }
+        for (int i = 0; i < dgfem_shelli_lattice_size(n, m); i++)
+            if (point[i] == DGFEM_NONE) point[i] = next++;
+    }
+    return next;
+}
+
+static void dgfem_shelli_add_face(dgfem_shell_surface *surface, int e, int a, int b, int c) {
+    int sheets = surface->sides, offset = surface->point_count;
+    for (int sheet = 0; sheet < sheets; sheet++) {
+        int *t = surface->triangles + 3 * surface->triangle_count;
+        t[0] = a + sheet * offset, t[1] = (sheet ? c : b) + sheet * offset, t[2] = (sheet ? b : c) + sheet * offset;
+        surface->triangle_element[surface->triangle_count++] = e;
+    }
+}
+
+static void dgfem_shelli_add_faces(dgfem_shell_surface *surface, const dgfem_shell *shell) {
+    int m = surface->subdivision;
+    for (int e = 0; e < shell->element_count; e++) {
+        int n = shell->elements[e].node_count;
+        const int *point = surface->point_of + surface->point_start[e];
+        for (int j = 0; j < m; j++) {
+            const int *row = point + dgfem_shelli_row_start(n, m, j), *next = point + dgfem_shelli_row_start(n, m, j + 1);
+            int length = dgfem_shelli_row_length(n, m, j);
+            for (int i = 0; i + 1 < length; i++) {
+                if (n == 8) {
+                    dgfem_shelli_add_face(surface, e, row[i], row[i + 1], next[i + 1]);
+                    dgfem_shelli_add_face(surface, e, row[i], next[i + 1], next[i]);
+                } else {
+                    dgfem_shelli_add_face(surface, e, row[i], row[i + 1], next[i]);
+                    if (i + 2 < length) dgfem_shelli_add_face(surface, e, row[i + 1], next[i + 1], next[i]);
+                }
+            }
+        }
+    }
+}
+
+/* A strip from the upper to the lower sheet along every boundary edge. */
+static void dgfem_shelli_add_rims(dgfem_shell_surface *surface, const dgfem_shell *shell) {
+    int m = surface->subdivision, offset = surface->point_count;
+    for (int i = 0; surface->sides == 2 && i < shell->edge_count; i++) {
+        const dgfem_shell_edge *edge = &shell->edges[i];
+        int e = edge->element[0], n = shell->elements[e].node_count;
+        const int *point = surface->point_of + surface->point_start[e];
+        if (!dgfem_shelli_is_boundary(edge)) continue;
+        for (int k = 0; k < m; k++) {
+            int a = point[dgfem_shelli_lattice_side(n, m, edge->side[0], k)];
+            int b = point[dgfem_shelli_lattice_side(n, m, edge->side[0], k + 1)];
+            int *t = surface->triangles + 3 * surface->triangle_count;
+            t[0] = a, t[1] = a + offset, t[2] = b + offset;
+            t[3] = a, t[4] = b + offset, t[5] = b;
+            surface->triangle_element[surface->triangle_count++] = e;
+            surface->triangle_element[surface->triangle_count++] = e;
+        }
+    }
+}
+
+static int dgfem_shelli_surface_build(dgfem_shell_surface *surface, const dgfem_shell *shell) {
+    const dgfem_hooks *hooks = &surface->hooks;
+    dgfem_shelli_scratch scratch = dgfem_shelli_scratch_make(hooks);
+    size_t m = (size_t)surface->subdivision, triangles = 0;
+    int *corner = (int *)dgfem_shelli_take(&scratch, (size_t)shell->node_count, sizeof(int)), points = 0;
+    surface->point_start = (int *)dgfem_shelli_allocate(hooks, (size_t)shell->element_count + 1, sizeof(int));
+    for (int e = 0; surface->point_start && e < shell->element_count; e++) {
+        surface->point_start[e] = points;
+        points += dgfem_shelli_lattice_size(shell->elements[e].node_count, (int)m);
+        triangles += m * m * (shell->elements[e].node_count == 8 ? 2 : 1) * (size_t)surface->sides;
+    }
+    for (int i = 0; i < shell->edge_count; i++) triangles += dgfem_shelli_is_boundary(&shell->edges[i]) ? 2 * m : 0;
+    surface->point_of = (int *)dgfem_shelli_allocate(hooks, (size_t)points, sizeof(int));
+    surface->triangles = (int *)dgfem_shelli_allocate(hooks, 3 * triangles, sizeof(int));
+    surface->triangle_element = (int *)dgfem_shelli_allocate(hooks, triangles, sizeof(int));
+    int made = corner && surface->point_start && surface->point_of && surface->triangles && surface->triangle_element;
+    if (made) {
+        surface->point_start[shell->element_count] = points;
+        surface->point_count = dgfem_shelli_number_points(surface, shell, corner);
+        surface->vertex_count = surface->point_count * surface->sides;
+        dgfem_shelli_add_faces(surface, shell);
+        dgfem_shelli_add_rims(surface, shell);
+        size_t vertices = (size_t)surface->vertex_count;
+        surface->positions = (dgfem_vec3 *)dgfem_shelli_allocate(hooks, vertices, sizeof(dgfem_vec3));
+        surface->normals = (dgfem_vec3 *)dgfem_shelli_allocate(hooks, vertices, sizeof(dgfem_vec3));
+        surface->half = (dgfem_real *)dgfem_shelli_allocate(hooks, (size_t)surface->point_count, sizeof(dgfem_real));
+        made = surface->positions && surface->normals && surface->half;
+    }
+    for (int e = 0; made && e < shell->element_count; e++)
+        for (int i = surface->point_start[e]; i < surface->point_start[e + 1]; i++) {
+            dgfem_real *half = &surface->half[surface->point_of[i]];
+            *half = dgfem_shelli_max(*half, shell->elements[e].thickness / 2);
+        }
+    dgfem_shelli_scratch_free(&scratch);
+    return made;
+}
+
+DGFEM_API dgfem_status dgfem_shell_surface_create(const dgfem_shell *shell, const dgfem_shell_surface_desc *desc,
+                                                  dgfem_shell_surface **out) {
+    if (!out) return DGFEM_ERROR_ARGUMENT;
+    *out = NULL;
+    if (!desc || desc->cookie != DGFEM_SHELL_COOKIE) return DGFEM_ERROR_DESCRIPTOR;
+    if (!shell) return dgfem_shelli_fail(&desc->hooks, DGFEM_ERROR_ARGUMENT, "surface: no shell");
+    if (desc->subdivision < 1 || desc->subdivision > 64 || desc->sides < 1 || desc->sides > 2)
+        return dgfem_shelli_fail(&desc->hooks, DGFEM_ERROR_ARGUMENT, "surface: subdivision %d, sides %d",
+                                 desc->subdivision, desc->sides);
+    dgfem_shell_surface *surface = (dgfem_shell_surface *)dgfem_shelli_allocate(&desc->hooks, 1, sizeof *surface);
+    if (!surface) return dgfem_shelli_fail_memory(&desc->hooks);
+    surface->hooks = desc->hooks;
+    surface->subdivision = desc->subdivision;
+    surface->sides = desc->sides;
+    surface->revision = shell->revision;
+    if (!dgfem_shelli_surface_build(surface, shell)) {
+        dgfem_shell_surface_destroy(surface);
+        return dgfem_shelli_fail_memory(&desc->hooks);
+    }
+    *out = surface;
+    return dgfem_shell_surface_update(surface, shell);
+}
+
+DGFEM_API void dgfem_shell_surface_destroy(dgfem_shell_surface *surface) {
+    if (!surface) return;
+    dgfem_hooks hooks = surface->hooks;
+    dgfem_shelli_free(&hooks, surface->positions);
+    dgfem_shelli_free(&hooks, surface->normals);
+    dgfem_shelli_free(&hooks, surface->triangles);
+    dgfem_shelli_free(&hooks, surface->triangle_element);
+    dgfem_shelli_free(&hooks, surface->point_of);
+    dgfem_shelli_free(&hooks, surface->point_start);
+    dgfem_shelli_free(&hooks, surface->half);
+    dgfem_shelli_free(&hooks, surface);
+}
+
+/* ---- update ---- */
+
+/* Positions and summed normals of one lattice point in all elements of a kind. */
+static void dgfem_shelli_surface_point(dgfem_shell_surface *surface, const dgfem_shell *shell, int nodes, int index,
+                                       dgfem_shelli_parameter p) {
+    dgfem_shelli_basis f;
+    dgfem_shelli_basis_at(nodes, p, &f);
+    for (int e = 0; e < shell->element_count; e++) {
+        const dgfem_shell_element *element = &shell->elements[e];
+        dgfem_vec3 x[DGFEM_SHELL_MAX_NODES];
+        if (element->node_count != nodes) continue;
+        int point = surface->point_of[surface->point_start[e] + index];
+        dgfem_shelli_gather(shell->position, element->node, nodes, x);
+        surface->positions[point] = dgfem_shelli_sum(f.n, x, nodes);
+        dgfem_vec3 normal = dgfem_shelli_cross(dgfem_shelli_sum(f.d1, x, nodes), dgfem_shelli_sum(f.d2, x, nodes));
+        surface->normals[point] = dgfem_shelli_add(surface->normals[point], dgfem_shelli_unit(normal));
+    }
+}
+
+DGFEM_API dgfem_status dgfem_shell_surface_update(dgfem_shell_surface *surface, const dgfem_shell *shell) {
+    if (!surface || !shell) return DGFEM_ERROR_ARGUMENT;
+    if (surface->revision != shell->revision)
+        return dgfem_shelli_fail(&surface->hooks, DGFEM_ERROR_REVISION, "surface of revision %d, shell has %d",
+                                 surface->revision, shell->revision);
+    int m = surface->subdivision, count = surface->point_count;
+    memset(surface->normals, 0, (size_t)count * sizeof *surface->normals);
+    for (int nodes = 6; nodes <= 8; nodes += 2)
+        for (int j = 0; j <= m; j++)
+            for (int i = 0; i < dgfem_shelli_row_length(nodes, m, j); i++)
+                dgfem_shelli_surface_point(surface, shell, nodes, dgfem_shelli_row_start(nodes, m, j) + i,
+                                           dgfem_shelli_lattice_at(nodes, m, i, j));
+    for (int i = 0; i < count; i++) {
+        dgfem_vec3 x = surface->positions[i], normal = dgfem_shelli_unit(surface->normals[i]);
+        surface->normals[i] = normal;
+        if (surface->sides == 1) continue;
+        surface->positions[i] = dgfem_shelli_axpy(x, surface->half[i], normal);
+        surface->positions[count + i] = dgfem_shelli_axpy(x, -surface->half[i], normal);
+        surface->normals[count + i] = dgfem_shelli_scale(-1, normal);
+    }
+    return DGFEM_OK;
 }
 
 #endif /* DGFEM_IMPLEMENTATION */

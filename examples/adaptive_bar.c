@@ -17,12 +17,13 @@ typedef struct bar {
 } bar;
 
 static bar read_options(int argc, char **argv) {
-    program p = program_begin(argc, argv,
-                              "adaptive_bar [--how eight|two|degree] [--above PA] [--below PA] [--smallest M]\n"
-                              "  [--nx 9] [--ny 2] [--nz 2] [--lx 4.5] [--ly 1] [--lz 1] [--both-ends] [--degree 1..3]\n"
-                              "  [--young 1e6] [--gravity 1] [--seconds 2 --dt 0.0333 [--every 1] | --rounds N]\n"
-                              "  [--vtu FILE]\n"
-                              "  --rounds: static equilibrium, and a round of refinement after each");
+    program p =
+        program_begin(argc, argv,
+                      "adaptive_bar [--how eight|two|degree] [--above PA] [--below PA] [--smallest M]\n"
+                      "  [--nx 9] [--ny 2] [--nz 2] [--lx 4.5] [--ly 1] [--lz 1] [--both-ends] [--degree 1..3]\n"
+                      "  [--young 1e6] [--gravity 1] [--seconds 2 --dt 0.0333 [--every 1] | --rounds N]\n"
+                      "  [--vtu FILE]\n"
+                      "  --rounds: static equilibrium, and a round of refinement after each");
     static const dgfem_refine_action hows[] = {DGFEM_REFINE_EIGHT, DGFEM_REFINE_TWO, DGFEM_REFINE_RAISE};
     bar b;
     b.desc = dgfem_default_body_desc();

@@ -9,19 +9,20 @@
 typedef struct tear {
     int cells[3];
     double size[3];
-    double strain, seconds, dt;     /* the ends part by strain * length within this time */
-    double strength, scatter;       /* Pa, and how much of it elements may lack */
+    double strain, seconds, dt; /* the ends part by strain * length within this time */
+    double strength, scatter;   /* Pa, and how much of it elements may lack */
     const char *vtu, *obj;
     dgfem_body_desc desc;
     dgfem_fracture_desc fracture;
 } tear;
 
 static tear read_options(int argc, char **argv) {
-    program p = program_begin(argc, argv,
-                              "fracture [--nx 16] [--ny 4] [--nz 4] [--lx 4] [--ly 1] [--lz 1] [--degree 1..3]\n"
-                              "  [--young 1e6] [--strain 0.3] [--seconds 1] [--dt 0.0033]\n"
-                              "  [--strength 1e5] [--scatter 0.3] [--toughness 0] [--max-breaks N] [--split] [--smallest 0.1]\n"
-                              "  [--vtu FILE] [--obj FILE]");
+    program p =
+        program_begin(argc, argv,
+                      "fracture [--nx 16] [--ny 4] [--nz 4] [--lx 4] [--ly 1] [--lz 1] [--degree 1..3]\n"
+                      "  [--young 1e6] [--strain 0.3] [--seconds 1] [--dt 0.0033]\n"
+                      "  [--strength 1e5] [--scatter 0.3] [--toughness 0] [--max-breaks N] [--split] [--smallest 0.1]\n"
+                      "  [--vtu FILE] [--obj FILE]");
     tear t;
     t.desc = dgfem_default_body_desc();
     t.fracture = dgfem_default_fracture_desc();

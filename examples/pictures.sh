@@ -36,6 +36,13 @@ elements() {
         --camera-azimuth-angle=25 --camera-elevation-angle=20 --camera-view-angle=20
 }
 
+# bar FRAME ARRAY PICTURE RANGE AZIMUTH ANGLE: a bar's elements with their edges, coloured by stress.
+bar() {
+    shot "$1" "$3" --resolution=1000,480 --scalars="$2" --cells --edges --roughness=0.6 --range="$4" \
+        --colormap=0,0.25,0.45,0.8,0.3,0.9,0.9,0.85,1,0.85,0.25,0.15 \
+        --camera-azimuth-angle="$5" --camera-elevation-angle=15 --camera-view-angle="$6"
+}
+
 can_draw() { command -v f3d > /dev/null && command -v xvfb-run > /dev/null; }
 
 all() {
@@ -43,6 +50,12 @@ all() {
     build/examples/bunny --model build/bunny.obj --out build/pictures/bunny > build/pictures/bunny.txt || return 1
     scene build/pictures/bunny examples/pictures/bunny.png || return 1
     elements build/pictures/bunny examples/pictures/elements.png || return 1
+    build/examples/adaptive_bar --vtu build/pictures/eight.vtu > build/pictures/eight.txt || return 1
+    bar build/pictures/eight.vtu stress examples/pictures/adaptive_bar_eight.png 0,12000 -25 17 || return 1
+    build/examples/adaptive_bar --how two --rounds 5 --vtu build/pictures/two.vtu > build/pictures/two.txt || return 1
+    bar build/pictures/two.vtu stress examples/pictures/adaptive_bar_two.png 0,12000 -25 17 || return 1
+    build/examples/fracture --split --vtu build/pictures/fracture.vtu > build/pictures/fracture.txt || return 1
+    bar build/pictures/fracture.vtu tension examples/pictures/fracture.png 0,60000 20 20 || return 1
 }
 
 case ${1:-} in

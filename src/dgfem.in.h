@@ -117,6 +117,23 @@
        }
 
 
+   CUTTING
+
+   A blade meets the body where it is now, in world space. Glue between elements goes, elements that the blade passes are
+   split, and nothing else changes: no remeshing, no jump, and the next step may follow at once.
+
+       dgfem_cut_desc cut = dgfem_default_cut_desc();
+       cut.skins = &skin, cut.skin_count = 1;      render meshes that are to be cut along
+       dgfem_body_cut_plane(body, plane, &cut, &info);
+       dgfem_body_cut_polygon(body, dgfem_points_in_float(corners, 4), &cut, &info);
+       dgfem_body_cut_surface(body, points, triangles, 2, &cut, &info);    the area a moving edge has swept
+       dgfem_body_pieces(body, NULL, pieces, 16, &count);                  what hangs together now
+
+   Elements and faces are numbered anew by every change of topology, and body->revision grows. Conditions, materials and
+   tags stay on the parts, under the same ids. A skin that was not named in the descriptor refuses to update until
+   dgfem_skin_renew. A call that fails, whatever the reason, leaves the body and the skins bit for bit what they were.
+
+
    WHAT IT DOES NOT DO
 
    - Materials other than isotropic linear ones. Large rotations are followed (stiffness warping, one rotation per
@@ -194,6 +211,7 @@
 #include "dgfem/pcg.c"
 #include "dgfem/locate.c"
 #include "dgfem/embed.c"
+#include "dgfem/embed_points.c"
 #include "dgfem/contact.c"
 #include "dgfem/warp.c"
 #include "dgfem/body.c"

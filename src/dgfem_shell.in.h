@@ -23,4 +23,7 @@
 #include "shell/static.c"
 #include "shell/step.c"
 #include "shell/query.c"
+#include "shell/cut.c"
+#include "shell/split.c"
+#include "shell/surface.c"
 #endif /* DGFEM_IMPLEMENTATION */

@@ -10,8 +10,8 @@
 /* ---- models ---- */
 
 typedef struct model {
-    dgfem_body *body;  /* after the cut */
-    dgfem_skin *skin;  /* before it, and moved */
+    dgfem_body *body; /* after the cut */
+    dgfem_skin *skin; /* before it, and moved */
     dgfem_skin *cut;
     dgfemi_blade blade;
     dgfem_hooks hooks;
@@ -169,8 +169,8 @@ static int check_pieces(const dgfem_skin *before, const dgfem_skin *after, doubl
     assert_int_equal(check_shell_open_edges(&b), 0);
     for (int i = 0; i < count; i++) sum += check_shell_volume(&b, piece, i);
     check_near(sum, check_shell_volume(&a, NULL, 0), tolerance);
-    check_near(check_shell_area(&b, after->wall, after->cut_count), check_shell_area(&b, after->wall, -after->cut_count),
-               tolerance);
+    check_near(check_shell_area(&b, after->wall, after->cut_count),
+               check_shell_area(&b, after->wall, -after->cut_count), tolerance);
     check_vertices(before, after, tolerance);
     check_triangles(before, after, tolerance);
     free(identity);
@@ -231,8 +231,7 @@ static void test_cube(void **state) {
         model m = cut_model(grid(3, 3, 3, vec3(0, 0, 0), vec3(1, 1, 1)), &s0, blade_of(plane, NULL, 0), NULL);
         check_shell shell = shell_of(m.cut, NULL);
         assert_int_equal(check_pieces(m.skin, m.cut, 256 * CHECK_EPSILON), 2);
-        if (planes[i][4] > 0)
-            check_near(check_shell_area(&shell, m.cut->wall, 1), planes[i][4], 256 * CHECK_EPSILON);
+        if (planes[i][4] > 0) check_near(check_shell_area(&shell, m.cut->wall, 1), planes[i][4], 256 * CHECK_EPSILON);
         assert_int_equal(m.cut->cut_count, 1);
         check_sides(&m, 4096 * CHECK_EPSILON);
         free_model(&m);
@@ -241,7 +240,8 @@ static void test_cube(void **state) {
 
 /* Blades that touch or miss: the same triangles, no walls. */
 static void test_misses(void **state) {
-    static const double planes[][4] = {{0, 0, 1, 2}, {0, 0, 1, 1}, {0, 0, -1, -1}, {0, 0, 1, 0}, {1, 1, 1, 3}, {1, 1, 0, 2}};
+    static const double planes[][4] = {{0, 0, 1, 2}, {0, 0, 1, 1}, {0, 0, -1, -1},
+                                       {0, 0, 1, 0}, {1, 1, 1, 3}, {1, 1, 0, 2}};
     (void)state;
     shape_box(&s0, 0, 0, 0, 1, 1, 1);
     for (size_t i = 0; i < sizeof planes / sizeof *planes; i++) {
@@ -338,7 +338,8 @@ static void test_slit(void **state) {
         model m;
         check_shell shell;
         for (int k = 0; k < 4; k++) polygon[k] = vec3(outlines[i][2 * k], outlines[i][2 * k + 1], 0.45);
-        m = cut_model(grid(4, 4, 4, vec3(0, 0, 0), vec3(1, 1, 1)), &s0, blade_of(plane_of(0, 0, 1, 0.45), polygon, 4), NULL);
+        m = cut_model(grid(4, 4, 4, vec3(0, 0, 0), vec3(1, 1, 1)), &s0, blade_of(plane_of(0, 0, 1, 0.45), polygon, 4),
+                      NULL);
         shell = shell_of(m.cut, NULL);
         assert_int_equal(check_pieces(m.skin, m.cut, 1024 * CHECK_EPSILON), 1);
         assert_int_equal(m.cut->cut_count, 1);
@@ -357,9 +358,9 @@ static void test_whole_polygons(void **state) {
         dgfem_vec3 polygon[4];
         model m;
         check_shell shell;
-        for (int k = 0; k < 4; k++)
-            polygon[k] = vec3(k == 0 || k == 3 ? c - r : c + r, k < 2 ? c - r : c + r, 0.45);
-        m = cut_model(grid(4, 4, 4, vec3(0, 0, 0), vec3(1, 1, 1)), &s0, blade_of(plane_of(0, 0, 1, 0.45), polygon, 4), NULL);
+        for (int k = 0; k < 4; k++) polygon[k] = vec3(k == 0 || k == 3 ? c - r : c + r, k < 2 ? c - r : c + r, 0.45);
+        m = cut_model(grid(4, 4, 4, vec3(0, 0, 0), vec3(1, 1, 1)), &s0, blade_of(plane_of(0, 0, 1, 0.45), polygon, 4),
+                      NULL);
         shell = shell_of(m.cut, NULL);
         assert_int_equal(check_pieces(m.skin, m.cut, 1024 * CHECK_EPSILON), i == 2 ? 1 : 2);
         check_near(check_shell_area(&shell, m.cut->wall, 1), areas[i], 1024 * CHECK_EPSILON);
@@ -429,7 +430,8 @@ static void test_crossing_cuts(void **state) {
         check_shell shell = shell_of(skin, NULL);
         for (int e = 0; e < mesh->element_count; e++) {
             dgfem_vec3 c = mesh->elements[e].centre;
-            double x = dgfemi_blade_side(&blades[0], c), y = dgfemi_blade_side(&blades[1], c), z = dgfemi_blade_side(&blades[2], c);
+            double x = dgfemi_blade_side(&blades[0], c), y = dgfemi_blade_side(&blades[1], c),
+                   z = dgfemi_blade_side(&blades[2], c);
             body->displacement[body->basis_start[e]] = vec3(x, y, z);
         }
         check_status(dgfem_skin_update(skin, body), DGFEM_OK);
@@ -562,9 +564,11 @@ static void test_moved_body(void **state) {
         for (int k = 0; k < 3; k++) polygon[k] = dgfemi_add(polygon[k], check_affine_at(&affine, polygon[k]));
         world = rest;
         {
-            dgfem_vec3 c0 = dgfemi_column(&ft, 0), c1 = dgfemi_column(&ft, 1), c2 = dgfemi_column(&ft, 2), n = rest.normal;
-            dgfem_vec3 m = vec3((double)dgfemi_dot(n, dgfemi_cross(c1, c2)), (double)dgfemi_dot(c0, dgfemi_cross(n, c2)),
-                                (double)dgfemi_dot(c0, dgfemi_cross(c1, n)));
+            dgfem_vec3 c0 = dgfemi_column(&ft, 0), c1 = dgfemi_column(&ft, 1), c2 = dgfemi_column(&ft, 2),
+                       n = rest.normal;
+            dgfem_vec3 m =
+                vec3((double)dgfemi_dot(n, dgfemi_cross(c1, c2)), (double)dgfemi_dot(c0, dgfemi_cross(n, c2)),
+                     (double)dgfemi_dot(c0, dgfemi_cross(c1, n)));
             world.normal = dgfemi_normalized(m);
             if (dgfemi_determinant(&ft) < 0) world.normal = dgfemi_scale(-1, world.normal);
             m = dgfemi_scale(rest.offset, rest.normal); /* a point of the plane */
@@ -583,7 +587,8 @@ static void test_moved_body(void **state) {
         }
         for (int t = 0; t < cut->triangle_count; t++)
             for (int k = 0; cut->wall[t] && k < 3; k++)
-                check_near(dgfemi_blade_distance(&world, cut->positions[cut->triangles[3 * t + k]]), 0, 1e4 * CHECK_EPSILON);
+                check_near(dgfemi_blade_distance(&world, cut->positions[cut->triangles[3 * t + k]]), 0,
+                           1e4 * CHECK_EPSILON);
         check_near(check_shell_area(&shell, cut->wall, 1) > 0.1, 1, 0);
         dgfem_skin_destroy(skin);
         dgfem_skin_destroy(cut);
@@ -674,12 +679,42 @@ static void test_open_skins(void **state) {
     check_body_destroy(body);
 }
 
+/* Weights that are kept through a cut are those that would be made anew. */
+static void test_kept_weights(void **state) {
+    check_random random = check_random_seeded(53);
+    dgfemi_blade blade = blade_of(plane_of(1, 0.2, 0.1, 0.31), NULL, 0);
+    dgfem_mesh *meshes[2];
+    dgfem_body *bodies[2];
+    dgfem_skin *skins[2], *cuts[2];
+    (void)state;
+    make_ball(&s0, 16, 24);
+    for (int i = 0; i < 2; i++) meshes[i] = grid(10, 7, 7, vec3(-1, -1, -1), vec3(1, 1, 1));
+    open_mesh(meshes[1], &blade);
+    for (int i = 0; i < 2; i++) bodies[i] = check_body_create(meshes[i], NULL, 2, NULL);
+    for (int i = 0; i < 2; i++) skins[i] = skin_of(bodies[0], &s0, NULL);
+    for (int e = 0; e < meshes[0]->element_count; e++)
+        skins[1]->embedding->element_glue[e] += 100; /* all has changed */
+    for (int i = 0; i < 2; i++) check_status(dgfemi_skin_cut(skins[i], bodies[1], &blade, &cuts[i]), DGFEM_OK);
+    assert_int_equal(cuts[0]->vertex_count, cuts[1]->vertex_count);
+    for (int i = 0; i < bodies[1]->basis_count; i++) bodies[1]->displacement[i] = check_random_vec3(&random, -1, 1);
+    for (int i = 0; i < 2; i++) check_status(dgfem_skin_update(cuts[i], bodies[1]), DGFEM_OK);
+    for (int v = 0; v < cuts[0]->vertex_count; v++) {
+        check_near3(cuts[0]->positions[v], cuts[1]->positions[v], 1e5 * CHECK_EPSILON);
+    }
+    for (int i = 0; i < 2; i++) {
+        dgfem_skin_destroy(skins[i]);
+        dgfem_skin_destroy(cuts[i]);
+        check_body_destroy(bodies[i]);
+    }
+}
+
 /* Large walls have points inside, so that they can bend; small ones do not. */
 static void test_walls_bend(void **state) {
     (void)state;
     shape_box(&s0, 0, 0, 0, 1, 1, 1);
     for (int n = 1; n <= 9; n += 8) {
-        model m = cut_model(grid(n, n, n, vec3(0, 0, 0), vec3(1, 1, 1)), &s0, blade_of(plane_of(0, 0, 1, 0.45), NULL, 0), NULL);
+        model m = cut_model(grid(n, n, n, vec3(0, 0, 0), vec3(1, 1, 1)), &s0,
+                            blade_of(plane_of(0, 0, 1, 0.45), NULL, 0), NULL);
         int inside = 0;
         for (int v = m.skin->vertex_count; v < m.cut->vertex_count; v++) {
             dgfem_vec3 x = m.cut->embedding->points[v];
@@ -720,7 +755,8 @@ static void test_failures(void **state) {
     polygon[0] = vec3(0.1, -1, 0.45), polygon[1] = vec3(0.9, -1, 0.45), polygon[2] = vec3(0.9, 0.6, 0.45);
     polygon[3] = vec3(0.1, 0.6, 0.45);
     shape_box(&s0, 0, 0, 0, 1, 1, 1);
-    m = cut_model(grid(4, 2, 2, vec3(0, 0, 0), vec3(1, 1, 1)), &s0, blade_of(plane_of(0, 0, 1, 0.45), polygon, 4), NULL);
+    m = cut_model(grid(4, 2, 2, vec3(0, 0, 0), vec3(1, 1, 1)), &s0, blade_of(plane_of(0, 0, 1, 0.45), polygon, 4),
+                  NULL);
     print_message("%ld allocations\n", check_every_allocation(cut_and_renew, &m));
     check_status(dgfem_skin_renew(NULL, m.body), DGFEM_ERROR_ARGUMENT);
     check_status(dgfem_skin_renew(m.cut, NULL), DGFEM_ERROR_ARGUMENT);
@@ -729,21 +765,14 @@ static void test_failures(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_cube),
-        cmocka_unit_test(test_misses),
-        cmocka_unit_test(test_ball),
-        cmocka_unit_test(test_torus_and_hollow_box),
-        cmocka_unit_test(test_slit),
-        cmocka_unit_test(test_whole_polygons),
-        cmocka_unit_test(test_star_polygon),
-        cmocka_unit_test(test_crossing_cuts),
-        cmocka_unit_test(test_slits_meet),
-        cmocka_unit_test(test_random_cuts),
-        cmocka_unit_test(test_moved_body),
-        cmocka_unit_test(test_seams),
-        cmocka_unit_test(test_open_skins),
-        cmocka_unit_test(test_walls_bend),
-        cmocka_unit_test(test_failures),
+        cmocka_unit_test(test_cube),         cmocka_unit_test(test_misses),
+        cmocka_unit_test(test_ball),         cmocka_unit_test(test_torus_and_hollow_box),
+        cmocka_unit_test(test_slit),         cmocka_unit_test(test_whole_polygons),
+        cmocka_unit_test(test_star_polygon), cmocka_unit_test(test_crossing_cuts),
+        cmocka_unit_test(test_slits_meet),   cmocka_unit_test(test_random_cuts),
+        cmocka_unit_test(test_moved_body),   cmocka_unit_test(test_seams),
+        cmocka_unit_test(test_open_skins),   cmocka_unit_test(test_kept_weights),
+        cmocka_unit_test(test_walls_bend),   cmocka_unit_test(test_failures),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

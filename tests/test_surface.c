@@ -102,7 +102,8 @@ static void test_cut_through(void **state) {
     assert_int_equal(pieces_of(surface), 2);
     check_near(check_shell_area(&shell, surface->wall, 1), 2 * 2 * 2 / 0.8, 64 * CHECK_EPSILON);
     wall_vertex = (int *)calloc((size_t)surface->vertex_count, sizeof(int));
-    for (int i = 0; i < 3 * surface->triangle_count; i++) wall_vertex[surface->triangles[i]] |= 1 + surface->wall[i / 3];
+    for (int i = 0; i < 3 * surface->triangle_count; i++)
+        wall_vertex[surface->triangles[i]] |= 1 + surface->wall[i / 3];
     for (int v = 0; v < surface->vertex_count; v++) assert_true(wall_vertex[v] == 1 || wall_vertex[v] == 2);
     free(wall_vertex);
     dgfem_surface_destroy(surface);

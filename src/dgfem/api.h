@@ -594,6 +594,10 @@ typedef struct dgfem_embedding {
     int *weight_start;         /* [point_count + 1] */
     int *weight_sample;
     dgfem_real *weight;
+    dgfem_real *sample_radius;  /* of the samples' windows; with the elements below for keeping weights later on */
+    int element_count;
+    dgfem_vec3 *element_centre;
+    int *element_glue;          /* glued faces of each element */
     int revision;              /* of the body it was made for */
     dgfem_hooks hooks;
 } dgfem_embedding;
@@ -857,8 +861,8 @@ typedef struct dgfem_skin {
     int *parents;              /* two of each new vertex, of lower index, that any attribute can be had from: */
     dgfem_real *parent_weight; /* (1 - weight) * first + weight * second; DGFEM_NONE inside walls: none */
     int *source;               /* [triangle_count] original triangle; DGFEM_NONE for walls */
-    int *wall;                 /* [triangle_count] 0; +k or -k for a wall of cut number k >= 1 on the side its normal pointed to, or behind */
-    int *weld;                 /* [vertex_count] lowest vertex that is the same point of the surface: pieces are closed in these */
+    int *wall;                 /* [triangle_count] 0; +k, -k: a wall of cut k >= 1 on the side of its normal, or behind */
+    int *weld;                 /* [vertex_count] lowest vertex at the same point of the surface: closed in these */
     dgfem_vec3 *anchors;       /* [vertex_count] rest position inside the material that a vertex belongs to */
 
     dgfem_embedding *embedding;

@@ -1,5 +1,5 @@
 #pragma once
-#include "embed.c"
+#include "embed_points.c"
 /* A render mesh that follows a body: positions by embedding, normals from its own triangles. */
 
 DGFEM_API dgfem_skin_desc dgfem_default_skin_desc(void) {
@@ -149,11 +149,11 @@ DGFEM_API void dgfem_skin_destroy(dgfem_skin *skin) {
 }
 
 /* Weights of these points, and room for the values of their samples; what the skin had is not freed. homes as in
-   dgfemi_embedding_build. On failure the skin is as it was. */
+   dgfemi_embedding_build, as is `old`. On failure the skin is as it was. */
 static dgfem_status dgfemi_skin_embed(dgfem_skin *skin, const dgfem_body *body, const dgfem_points_in *points,
-                                      const int *homes) {
+                                      const int *homes, const dgfem_embedding *old) {
     dgfem_embedding *embedding = NULL;
-    dgfem_status status = dgfemi_embedding_create_at(body, points, homes, &skin->hooks, &embedding);
+    dgfem_status status = dgfemi_embedding_create_at(body, points, homes, old, &skin->hooks, &embedding);
     dgfem_vec3 *displacement;
     if (status != DGFEM_OK) return status;
     displacement = (dgfem_vec3 *)dgfemi_allocate(&skin->hooks, (size_t)embedding->sample_count, sizeof(dgfem_vec3));
@@ -173,7 +173,7 @@ static dgfem_status dgfemi_skin_create(const dgfem_body *body, const dgfem_skin_
     if (!skin) return dgfemi_fail_memory(hooks);
     skin->hooks = *hooks;
     if (!dgfemi_skin_allocate(skin, desc)) status = dgfemi_fail_memory(hooks);
-    if (status == DGFEM_OK) status = dgfemi_skin_embed(skin, body, &desc->vertices, NULL);
+    if (status == DGFEM_OK) status = dgfemi_skin_embed(skin, body, &desc->vertices, NULL, NULL);
     if (status != DGFEM_OK) {
         dgfem_skin_destroy(skin);
         return status;
@@ -220,7 +220,7 @@ static dgfem_status dgfemi_skin_renew(dgfem_skin *skin, const dgfem_body *body) 
         if (!homes || !dgfemi_skin_homes(&arena, body->mesh, old->points, skin->anchors, skin->vertex_count, homes))
             status = dgfemi_fail_memory(&hooks);
     }
-    if (status == DGFEM_OK) status = dgfemi_skin_embed(skin, body, &points, homes);
+    if (status == DGFEM_OK) status = dgfemi_skin_embed(skin, body, &points, homes, old);
     dgfemi_arena_free(&arena);
     if (status != DGFEM_OK) return status;
     dgfem_embedding_destroy(old);

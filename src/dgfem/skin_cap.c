@@ -25,7 +25,7 @@ static int dgfemi_skin_cap_at(dgfemi_skin_cutter *c, int weld) {
     return p->cap;
 }
 
-/* The slit's edges as the triangles above see them: with the cross-section on their left, seen from the normal's tip. */
+/* The slit's edges as the triangles above see them: the cross-section is on their left, seen from the normal's tip. */
 static int dgfemi_skin_find_segments(dgfemi_skin_cutter *c) {
     for (int i = 0; i < 3 * c->part_count; i++) {
         const dgfemi_skin_part *part = &c->parts[i / 3];
@@ -60,8 +60,7 @@ static int dgfemi_skin_section_winding(const dgfemi_skin_cutter *c, dgfem_vec3 x
         dgfemi_skin_chord(c, v, &from, &to); /* with v[0], or else v[2], on its left */
         if (dgfemi_skin_sign(c, dgfemi_skin_sign(c, v[0]) ? v[0] : v[2]) > 0)
             winding += dgfemi_skin_wind(c->blade, from, to, q);
-        else
-            winding += dgfemi_skin_wind(c->blade, to, from, q);
+        else winding += dgfemi_skin_wind(c->blade, to, from, q);
     }
     return winding;
 }
@@ -119,7 +118,8 @@ static dgfem_vec3 dgfemi_skin_rest_of(const dgfem_body *body, dgfem_vec3 x) {
         dgfem_vec3 rest = mesh->elements[e].centre, gradients[DGFEM_MAX_BASIS];
         dgfem_real distance;
         for (int step = 0; step < 12; step++) {
-            dgfem_vec3 r = dgfemi_sub(x, dgfemi_add(rest, dgfemi_evaluate(body, body->displacement, e, rest))), c0, c1, c2;
+            dgfem_vec3 r = dgfemi_sub(x, dgfemi_add(rest, dgfemi_evaluate(body, body->displacement, e, rest))), c0, c1,
+                       c2;
             dgfem_mat3 f = dgfemi_identity();
             dgfem_real determinant;
             dgfemi_basis_gradients(body->degree[e], body->origin[e], body->scale[e], rest, gradients);
@@ -146,16 +146,16 @@ static int dgfemi_skin_follow_polygon(dgfemi_skin_cutter *c, int from, int to, i
     for (int i = first; i <= last; i++) {
         dgfem_vec3 x = dgfemi_blade_corner(c->blade, clockwise, i);
         int cap = dgfemi_skin_add_cap(c, DGFEM_NONE, DGFEM_NONE, DGFEM_NONE, x, dgfemi_skin_rest_of(c->body, x));
-        if (cap == DGFEM_NONE || (from != DGFEM_NONE && !dgfemi_segment_push(c->hooks, &c->segments, from, cap))) return 0;
+        if (cap == DGFEM_NONE || (from != DGFEM_NONE && !dgfemi_segment_push(c->hooks, &c->segments, from, cap)))
+            return 0;
         if (from == DGFEM_NONE) to = cap; /* a whole round */
         from = cap;
     }
     return dgfemi_segment_push(c->hooks, &c->segments, from, to);
 }
 
-/* Tips in the order in which the polygon's boundary leaves the body (where the slit enters the polygon) and enters it by
-   turns. Some share a place, as where it crosses both walls of an earlier slit, which it leaves the body at first: there
-   the turns decide. The second round knows which turn it is at the first tip. */
+/* Tips in the order in which the polygon's boundary leaves the body (where the slit enters the polygon) and enters it
+   by turns. Some share a place, as where it crosses both walls of an earlier slit: there the turns decide. The second round knows which turn it is at the first tip. */
 static void dgfemi_order_tips(dgfemi_tip *tips, int count) {
     for (int i = 0; i < count; i++) tips[i].at = floor(tips[i].at * 1e6) / 1e6;
     qsort(tips, (size_t)count, sizeof *tips, dgfemi_compare_tips);
@@ -399,7 +399,8 @@ static int dgfemi_wall_divide(dgfemi_wall_mesh *w, int edge) {
     int other = w->neighbour.data[edge], t1 = dgfemi_wall_next(edge), s2 = dgfemi_wall_before(other), new_t, new_s, m;
     int a = c->cap_triangles.data[edge], b = c->cap_triangles.data[other], outer_t = w->neighbour.data[t1],
         outer_s = w->neighbour.data[s2], t[6];
-    m = dgfemi_skin_add_cap(c, DGFEM_NONE, a, b, dgfemi_scale(DGFEM_R(0.5), dgfemi_add(c->caps[a].world, c->caps[b].world)),
+    m = dgfemi_skin_add_cap(c, DGFEM_NONE, a, b,
+                            dgfemi_scale(DGFEM_R(0.5), dgfemi_add(c->caps[a].world, c->caps[b].world)),
                             dgfemi_scale(DGFEM_R(0.5), dgfemi_add(c->caps[a].rest, c->caps[b].rest)));
     if (m == DGFEM_NONE) return 0;
     if (m >= w->flat_capacity) {
@@ -415,11 +416,11 @@ static int dgfemi_wall_divide(dgfemi_wall_mesh *w, int edge) {
         if (!dgfemi_push(c->hooks, &c->cap_triangles, t[k]) || !dgfemi_push(c->hooks, &w->neighbour, DGFEM_NONE))
             return 0;
     c->cap_triangles.data[t1] = m, c->cap_triangles.data[other] = m;
-    dgfemi_wall_link(w, new_t, new_s);                         /* m-b */
-    dgfemi_wall_link(w, new_t + 1, outer_t);                   /* b-c */
-    dgfemi_wall_link(w, new_t + 2, t1);                        /* c-m */
-    dgfemi_wall_link(w, new_s + 1, s2);                        /* m-d */
-    dgfemi_wall_link(w, new_s + 2, outer_s);                   /* d-b */
+    dgfemi_wall_link(w, new_t, new_s);       /* m-b */
+    dgfemi_wall_link(w, new_t + 1, outer_t); /* b-c */
+    dgfemi_wall_link(w, new_t + 2, t1);      /* c-m */
+    dgfemi_wall_link(w, new_s + 1, s2);      /* m-d */
+    dgfemi_wall_link(w, new_s + 2, outer_s); /* d-b */
     return 1;
 }
 

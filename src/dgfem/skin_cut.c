@@ -115,10 +115,10 @@ static int dgfemi_skin_make_walls(dgfemi_skin_cutter *c) {
 
 /* The elements as the blade sees them. */
 typedef struct dgfemi_blade_sides {
-    signed char *sign;   /* [elements] side of the element's centre */
-    char *at_blade;      /* [elements] 1 for those with a face that the blade has cut */
-    char *on_blade;      /* [faces] */
-    int *mark, *queue;   /* [elements] search that met the element last; room for one search */
+    signed char *sign; /* [elements] side of the element's centre */
+    char *at_blade;    /* [elements] 1 for those with a face that the blade has cut */
+    char *on_blade;    /* [faces] */
+    int *mark, *queue; /* [elements] search that met the element last; room for one search */
     int stamp;
 } dgfemi_blade_sides;
 
@@ -265,9 +265,10 @@ static dgfem_status dgfemi_skin_result(dgfemi_skin_cutter *c, dgfem_skin **out) 
         status = dgfemi_fail_memory(hooks);
     if (status == DGFEM_OK) {
         dgfemi_skin_result_fill(c, skin);
-        rest = dgfem_points_in_vec3((const dgfem_vec3 *)(const void *)c->vertices, c->vertex_count); /* its first member */
+        rest =
+            dgfem_points_in_vec3((const dgfem_vec3 *)(const void *)c->vertices, c->vertex_count); /* its first member */
         rest.stride = (int)sizeof *c->vertices;
-        status = dgfemi_skin_embed(skin, c->body, &rest, homes);
+        status = dgfemi_skin_embed(skin, c->body, &rest, homes, c->skin->embedding);
     }
     dgfemi_arena_free(&arena);
     if (status != DGFEM_OK) {
@@ -295,8 +296,7 @@ static dgfem_status dgfemi_skin_cut(const dgfem_skin *skin, const dgfem_body *bo
     if (dgfemi_skin_find_chords(&c) && dgfemi_skin_split_all(&c) && dgfemi_skin_find_slit(&c) &&
         dgfemi_skin_find_caps(&c) && dgfemi_skin_make_vertices(&c) && dgfemi_skin_make_walls(&c))
         status = dgfemi_skin_result(&c, out);
-    else
-        status = dgfemi_fail_memory(&skin->hooks);
+    else status = dgfemi_fail_memory(&skin->hooks);
     dgfemi_skin_cutter_free(&c);
     return status;
 }

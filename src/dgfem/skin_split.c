@@ -35,12 +35,12 @@ typedef struct dgfemi_skin_point {
     int weld;      /* the point that stands for all of this place, itself included */
     int parent[2]; /* points; DGFEM_NONE for old vertices */
     dgfem_real t;
-    int out[2];    /* vertices of the result, below and above; the same where the point is not separated */
+    int out[2]; /* vertices of the result, below and above; the same where the point is not separated */
     /* of welds: */
-    int sign;      /* -1, 0, 1 */
-    int flags;     /* what surrounds it */
-    int first[2];  /* lowest vertex of the result below, above */
-    int cap;       /* point of the cross-section */
+    int sign;     /* -1, 0, 1 */
+    int flags;    /* what surrounds it */
+    int first[2]; /* lowest vertex of the result below, above */
+    int cap;      /* point of the cross-section */
 } dgfemi_skin_point;
 
 typedef struct dgfemi_skin_part {
@@ -65,7 +65,7 @@ typedef struct dgfemi_skin_edges {
 
 /* A point of the cross-section. */
 typedef struct dgfemi_cap_point {
-    int weld; /* point of the skin, or DGFEM_NONE inside */
+    int weld;      /* point of the skin, or DGFEM_NONE inside */
     int parent[2]; /* of points between two others: points of the cross-section */
     dgfem_vec3 world, rest;
     int out[2]; /* vertices of the walls */
@@ -130,7 +130,9 @@ static dgfemi_skin_point *dgfemi_skin_weld(const dgfemi_skin_cutter *c, int poin
     return &c->points[c->points[point].weld];
 }
 
-static dgfem_vec3 dgfemi_skin_world(const dgfemi_skin_cutter *c, int point) { return dgfemi_skin_weld(c, point)->world; }
+static dgfem_vec3 dgfemi_skin_world(const dgfemi_skin_cutter *c, int point) {
+    return dgfemi_skin_weld(c, point)->world;
+}
 
 static int dgfemi_skin_sign(const dgfemi_skin_cutter *c, int point) { return dgfemi_skin_weld(c, point)->sign; }
 
@@ -145,23 +147,12 @@ static int dgfemi_skin_add_point(dgfemi_skin_cutter *c, int a, int b, dgfem_real
     memset(p, 0, sizeof *p);
     p->rest = dgfemi_add_scaled(pa->rest, t, dgfemi_sub(pb->rest, pa->rest));
     p->anchor = dgfemi_add_scaled(pa->anchor, t, dgfemi_sub(pb->anchor, pa->anchor));
-    p->world = dgfemi_add_scaled(dgfemi_skin_world(c, a), t,
-                                 dgfemi_sub(dgfemi_skin_world(c, b), dgfemi_skin_world(c, a)));
+    p->world =
+        dgfemi_add_scaled(dgfemi_skin_world(c, a), t, dgfemi_sub(dgfemi_skin_world(c, b), dgfemi_skin_world(c, a)));
     p->parent[0] = a, p->parent[1] = b, p->t = t;
     p->weld = weld == DGFEM_NONE ? c->point_count : weld;
     p->out[0] = p->out[1] = p->first[0] = p->first[1] = p->cap = DGFEM_NONE;
     return c->point_count++;
-}
-
-static uint64_t dgfemi_hash_position(dgfem_vec3 x) {
-    uint64_t hash = 0;
-    for (int axis = 0; axis < 3; axis++) {
-        double value = (double)dgfemi_axis(x, axis) + 0.0; /* one zero */
-        uint64_t bits;
-        memcpy(&bits, &value, sizeof bits);
-        hash = dgfemi_mix(hash ^ bits);
-    }
-    return hash;
 }
 
 /* Before the first cut, vertices with equal rest positions are one. 1 on success. */
@@ -174,8 +165,7 @@ static int dgfemi_skin_find_welds(dgfemi_skin_cutter *c) {
     for (int v = 0; ok && v < c->skin->vertex_count; v++) {
         uint64_t hash = dgfemi_hash_position(rest[v]);
         int i = dgfemi_buckets_first(&buckets, hash);
-        while (i != DGFEM_NONE && (rest[i].x != rest[v].x || rest[i].y != rest[v].y || rest[i].z != rest[v].z))
-            i = buckets.next[i];
+        while (i != DGFEM_NONE && !dgfemi_same_position(rest[i], rest[v])) i = buckets.next[i];
         c->points[v].weld = i == DGFEM_NONE ? v : i;
         if (i == DGFEM_NONE) ok = dgfemi_buckets_insert(c->hooks, &buckets, v, hash);
     }
@@ -240,7 +230,8 @@ static void dgfemi_skin_find_signs(dgfemi_skin_cutter *c) {
         dgfem_real da, db;
         da = dgfemi_abs(dgfemi_blade_distance(c->blade, a->world));
         db = dgfemi_abs(dgfemi_blade_distance(c->blade, b->world));
-        if ((dgfemi_blade_distance(c->blade, a->world) > 0) == (dgfemi_blade_distance(c->blade, b->world) > 0)) continue;
+        if ((dgfemi_blade_distance(c->blade, a->world) > 0) == (dgfemi_blade_distance(c->blade, b->world) > 0))
+            continue;
         if (da < DGFEM_SKIN_SNAP * (da + db)) a->sign = 0;
         if (db < DGFEM_SKIN_SNAP * (da + db)) b->sign = 0;
     }
@@ -393,7 +384,7 @@ static int dgfemi_skin_turn(const dgfemi_skin_cutter *c, const int *corner, int 
     int sign[3], below = 0, above = 0, first = 0;
     for (int k = 0; k < 3; k++) {
         sign[k] = dgfemi_skin_sign(c, corner[k]);
-        below += sign[k] < 0, above += sign[k] > 0;
+        below += sign[k]<0, above += sign[k]> 0;
     }
     if (!below || !above) return 0;
     for (int k = 0; k < 3; k++)
@@ -479,7 +470,8 @@ static int dgfemi_skin_fan(dgfemi_skin_cutter *c, int of, int *placed, int apex,
         to = dgfemi_skin_edge_point(c, a, b, i++);
         if (to == DGFEM_NONE) to = b;
         if (from == a) outer_from = apex, outer_to = a;
-        if (to == b && (from != a || dgfemi_skin_edge_point(c, apex, a, 0) == DGFEM_NONE)) outer_from = b, outer_to = apex;
+        if (to == b && (from != a || dgfemi_skin_edge_point(c, apex, a, 0) == DGFEM_NONE))
+            outer_from = b, outer_to = apex;
         opposite = outer_from == b ? from : to;
         if (outer_from == DGFEM_NONE || dgfemi_skin_edge_point(c, outer_from, outer_to, 0) == DGFEM_NONE) {
             if (!dgfemi_skin_add_part(c, of, placed, apex, from, to)) return 0;
@@ -523,7 +515,8 @@ static int dgfemi_skin_split_chord(dgfemi_skin_cutter *c, int of, const int *v, 
         if (dgfemi_skin_add_point(c, p, q, (dgfem_real)c->clips[i], DGFEM_NONE) == DGFEM_NONE) return 0;
     for (int i = 0; lone && i <= tip_count + 1; i++) { /* where the quad's two fans meet */
         dgfem_vec3 x = dgfemi_skin_world(c, dgfemi_chord_point(p, q, tips, tip_count, i));
-        dgfem_real length = dgfemi_distance(x, dgfemi_skin_world(c, v[1])) + dgfemi_distance(x, dgfemi_skin_world(c, v[2]));
+        dgfem_real length =
+            dgfemi_distance(x, dgfemi_skin_world(c, v[1])) + dgfemi_distance(x, dgfemi_skin_world(c, v[2]));
         if (shortest < 0 || length < shortest) shortest = length, best = i;
     }
     for (int i = 0; i <= tip_count; i++) {
@@ -548,9 +541,11 @@ static int dgfemi_skin_split_triangle(dgfemi_skin_cutter *c, int of) {
     p = dgfemi_skin_edge_point(c, v[0], v[1], 0), q = dgfemi_skin_edge_point(c, v[2], v[0], 0);
     if (p != DGFEM_NONE && q != DGFEM_NONE) return dgfemi_skin_split_chord(c, of, v, p, q);
     if (p != DGFEM_NONE)
-        return dgfemi_skin_add_part(c, of, &placed, v[0], p, v[2]) && dgfemi_skin_add_part(c, of, &placed, p, v[1], v[2]);
+        return dgfemi_skin_add_part(c, of, &placed, v[0], p, v[2]) &&
+               dgfemi_skin_add_part(c, of, &placed, p, v[1], v[2]);
     if (q != DGFEM_NONE)
-        return dgfemi_skin_add_part(c, of, &placed, v[0], v[1], q) && dgfemi_skin_add_part(c, of, &placed, q, v[1], v[2]);
+        return dgfemi_skin_add_part(c, of, &placed, v[0], v[1], q) &&
+               dgfemi_skin_add_part(c, of, &placed, q, v[1], v[2]);
     return 1;
 }
 

@@ -131,7 +131,7 @@ static int dgfemi_surface_is_smooth(const dgfemi_surface_build *build, int a, in
     return dgfemi_dot(dgfemi_surface_side_normal(build, s), dgfemi_surface_side_normal(build, t)) >= DGFEM_CREASE;
 }
 
-/* Joins the side corners of each corner to smooth parts and numbers these: vertices of the surface. Returns how many. */
+/* Joins the side corners of each corner to smooth parts and numbers these: vertices of the surface. How many? */
 static int dgfemi_surface_number(dgfemi_surface_build *build) {
     int count = 0;
     for (int c = 0; c < build->corners->count; c++) {
@@ -236,7 +236,8 @@ static int dgfemi_surface_sample(dgfemi_surface_build *build, dgfemi_arena *aren
     if (!positions || !start || !elements || !surface->sample) return 0;
     for (int c = 0; c < corners->count; c++) {
         if (build->head[c] == DGFEM_NONE) continue;
-        for (int i = build->head[c]; i != DGFEM_NONE; i = build->chain[i]) surface->sample[build->items[i].out] = samples;
+        for (int i = build->head[c]; i != DGFEM_NONE; i = build->chain[i])
+            surface->sample[build->items[i].out] = samples;
         positions[samples] = build->mesh->vertices[corners->vertex[c]];
         start[samples++] = terms;
         for (int i = corners->element_start[c]; i < corners->element_start[c + 1]; i++)
@@ -313,7 +314,8 @@ static int dgfemi_surface_fill(dgfemi_arena *arena, const dgfem_body *body, cons
     surface->normals = (dgfem_vec3 *)dgfemi_allocate(hooks, vertices, sizeof(dgfem_vec3));
     surface->embedding = dgfemi_embedding_new(body, hooks);
     if (!surface->positions || !surface->normals || !surface->embedding) return 0;
-    return dgfemi_surface_sample(&build, arena, body, surface) && dgfemi_surface_add_triangles(&build, hooks, surface) &&
+    return dgfemi_surface_sample(&build, arena, body, surface) &&
+           dgfemi_surface_add_triangles(&build, hooks, surface) &&
            dgfemi_list_corners(hooks, surface->triangles, surface->triangle_count, surface->vertex_count,
                                &surface->corner_start, &surface->corners);
 }

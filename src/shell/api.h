@@ -299,8 +299,7 @@ DGFEM_API dgfem_real dgfem_shell_area(const dgfem_shell *shell); /* at rest */
 /* ---- cutting ---- */
 
 /* Separates (DGFEM_SHELL_GAP) or unglues (DGFEM_SHELL_HINGE) interior edges, or glues hinges again (DGFEM_SHELL_GLUED).
-   Nodes around which elements fall apart are doubled; fixtures, loads and pins of a node stay with all its copies
-   (forces are shared out). On failure nothing has changed. */
+   Nodes around which elements fall apart are doubled; fixtures hold all copies, forces and pins stay with one. On failure nothing has changed. */
 DGFEM_API dgfem_status dgfem_shell_cut_edges(dgfem_shell *shell, const int *edges, int count, dgfem_shell_joint joint);
 
 typedef struct dgfem_shell_cut_desc {
@@ -351,8 +350,6 @@ typedef struct dgfem_shell_surface {
     int point_count;       /* points of the middle surface */
     int *point_of;         /* for each element its points, row by row */
     int *point_start;      /* [elements + 1] */
-    int *rim;              /* boundary: pairs of neighbouring points */
-    int rim_count;
     dgfem_real *half;      /* [points] half the thickness */
     dgfem_hooks hooks;
 } dgfem_shell_surface;

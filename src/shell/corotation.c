@@ -201,6 +201,7 @@ static dgfem_real dgfem_shelli_rotate_support(const dgfem_shell *shell, const dg
         dgfem_shelli_rotate_in_plane(shell, point, local, condition->vector, spins, k);
     if (shell->desc.corotational) return 0;
     k->r = dgfem_shelli_identity();
+    if (condition->kind == DGFEM_SHELL_CONDITION_ROTATION) return dgfem_shelli_scalar_now(shell, condition);
     return dgfem_shelli_dot(point->f2, dgfem_shelli_multiply(&turn, point->t));
 }
 

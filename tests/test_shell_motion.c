@@ -1,0 +1,236 @@
+/* Shells in motion: free fall, vibration against beam theory, damping, contact, pins, moving fixtures. */
+#define DGFEM_IMPLEMENTATION
+#include "dgfem_shell.h"
+#include "check.h"
+#include "check_shell.h"
+
+static dgfem_vec3 map_strip(void *user, double u, double v) {
+    (void)user;
+    return at3(2 * u, 0.5 * v, 0);
+}
+
+/* All nodes of a curved shell fall alike, with either mass matrix. */
+static void free_fall_is_uniform(void **state) {
+    (void)state;
+    for (int consistent = 0; consistent < 2; consistent++) {
+        dgfem_shell_desc desc = shell_desc();
+        desc.gravity = at3(0, 0, -10);
+        desc.consistent_mass = consistent;
+        desc.step_tolerance = 0;
+        dgfem_shell *shell = shell_make(&desc, 2, 1, 0, map_curved);
+        dgfem_vec3 linear, angular;
+        for (int step = 0; step < 10; step++)
+            check_status(dgfem_shell_step(shell, (dgfem_real)0.01, NULL), DGFEM_OK);
+        for (int i = 0; i < shell->node_count; i++) { /* h^2 g n (n + 1) / 2 */
+            dgfem_vec3 x = shell->rest[i];
+            check_near3(shell->velocity[i], at3(0, 0, -1), 2e5 * CHECK_EPSILON);
+            check_near3(shell->position[i], at3((double)x.x, (double)x.y, (double)x.z - 0.055), 2e4 * CHECK_EPSILON);
+        }
+        check_status(dgfem_shell_momentum(shell, &linear, &angular), DGFEM_OK);
+        check_near(linear.z, -(double)dgfem_shell_mass(shell), 1e5 * CHECK_EPSILON);
+        check_near(shell->time, 0.1, 1e-6);
+        dgfem_shell_destroy(shell);
+    }
+}
+
+/* Forces of a shell on itself cancel: a spinning, deformed shell keeps its momentum. */
+static void momentum_is_kept(void **state) {
+    check_random random = check_random_seeded(71);
+    dgfem_shell_desc desc = shell_desc();
+    (void)state;
+    desc.step_iterations = 20;
+    desc.step_tolerance = (dgfem_real)(DGFEM_REAL_IS_FLOAT ? 1e-5 : 1e-12);
+    desc.damping_stiffness = (dgfem_real)0.001;
+    dgfem_shell *shell = shell_make_mixed(&desc, 0.2);
+    dgfem_vec3 before, after, turning_before, turning_after;
+    for (int i = 0; i < shell->node_count; i++) shell->velocity[i] = check_random_vec3(&random, -1, 1);
+    check_status(dgfem_shell_momentum(shell, &before, &turning_before), DGFEM_OK);
+    for (int step = 0; step < 10; step++)
+        check_status(dgfem_shell_step(shell, (dgfem_real)0.002, NULL), DGFEM_OK);
+    check_status(dgfem_shell_momentum(shell, &after, &turning_after), DGFEM_OK);
+    check_near3(after, before, DGFEM_REAL_IS_FLOAT ? 1e-4 : 1e-10);
+    assert_true(isfinite((double)turning_after.x));
+    dgfem_shell_destroy(shell);
+}
+
+/* First bending frequency of a clamped strip: 3.516 / L^2 sqrt(E I / (rho A)). */
+static void strip_vibrates_as_a_beam(void **state) {
+    dgfem_shell_desc desc = shell_desc();
+    (void)state;
+    for (int triangles = 0; triangles < 2; triangles++) {
+        int edges[256], steps = 90, crossings = 0;
+        double first = 0, last = 0, previous = 0;
+        desc.material.poisson = 0;
+        desc.thickness = (dgfem_real)0.05;
+        dgfem_shell *shell = shell_make(&desc, 3, 1, triangles, map_strip);
+        int tip = shell_grid_nearest(shell, 2, 0, 0);
+        check_status(dgfem_shell_clamp(shell, edges, shell_edges(shell, plane_of(1, 0, 0, 0), edges), NULL), DGFEM_OK);
+        double omega = 3.516 / 4 * sqrt(1000 * 0.05 * 0.05 / 12 / 10), dt = 2 * 3.14159265 / omega / 60;
+        for (int i = 0; i < shell->node_count; i++) {
+            double s = (double)shell->rest[i].x / 2;
+            shell->velocity[i] = at3(0, 0, 0.01 * s * s);
+        }
+        for (int step = 1; step <= steps; step++) {
+            check_status(dgfem_shell_step(shell, (dgfem_real)dt, NULL), DGFEM_OK);
+            double z = (double)shell->position[tip].z;
+            if (step > 1 && z * previous < 0) { /* every half period */
+                last = dt * (step - 1 + previous / (previous - z));
+                if (crossings++ == 0) first = last;
+            }
+            previous = z;
+        }
+        assert_true(crossings >= 2);
+        double period = 2 * (last - first) / (crossings - 1);
+        check_near(period * omega / (2 * 3.14159265), 1, 0.02);
+        dgfem_shell_destroy(shell);
+    }
+}
+
+/* A plate set down on a plane comes to rest with the contact carrying its weight; thickness keeps its middle above. */
+static void plate_rests_on_a_plane(void **state) {
+    dgfem_shape_desc plane = dgfem_default_shape_desc();
+    (void)state;
+    for (int turned = 0; turned < 2; turned++) {
+        dgfem_shell_desc desc = shell_desc();
+        dgfem_shell_info info;
+        desc.gravity = at3(0, 0, -10);
+        desc.damping_mass = 2;
+        dgfem_shell *shell = shell_make(&desc, 2, 2, turned, map_flat);
+        plane.plane.offset = (dgfem_real)-0.07; /* thickness 0.1: 0.02 to fall */
+        check_status(dgfem_shell_add_plane(shell, &plane, NULL), DGFEM_OK);
+        for (int step = 0; step < 30; step++)
+            check_status(dgfem_shell_step(shell, (dgfem_real)0.03, &info), DGFEM_OK);
+        assert_true(info.contacts == shell->node_count);
+        double push = 0; /* k (half - distance) summed up is the weight: 10 N */
+        for (int i = 0; i < shell->node_count; i++)
+            push += 10 * 100 * (0.05 - ((double)shell->position[i].z + 0.07));
+        check_near(push, 10, 0.05);
+        dgfem_shell_destroy(shell);
+    }
+}
+
+/* On a slope of 0.3 friction 0.5 holds and 0.1 lets go: a = g (sin - mu cos). */
+static void friction_holds_or_slides(void **state) {
+    (void)state;
+    for (int slides = 0; slides < 2; slides++) {
+        dgfem_shape_desc plane = dgfem_default_shape_desc();
+        dgfem_shell_desc desc = shell_desc();
+        double slope = 0.3, c = cos(atan(slope)), s = sin(atan(slope));
+        desc.gravity = at3(10 * s, 0, -10 * c); /* the slope's own axes */
+        dgfem_shell *shell = shell_make(&desc, 1, 1, 0, map_flat);
+        plane.plane.offset = (dgfem_real)-0.05;
+        plane.friction = (dgfem_real)(slides ? 0.1 : 0.5);
+        check_status(dgfem_shell_add_plane(shell, &plane, NULL), DGFEM_OK);
+        for (int step = 0; step < 50; step++)
+            check_status(dgfem_shell_step(shell, (dgfem_real)0.02, NULL), DGFEM_OK);
+        double speed = 0;
+        for (int i = 0; i < shell->node_count; i++) speed += (double)shell->velocity[i].x / shell->node_count;
+        check_near(speed, slides ? 10 * (s - 0.1 * c) : 0, slides ? 0.1 : 2e-3);
+        dgfem_shell_destroy(shell);
+    }
+}
+
+/* A sphere under the middle of a falling sheet holds it up from below, on whichever side its normals point. */
+static void sphere_catches_a_sheet(void **state) {
+    (void)state;
+    for (int turned = 0; turned < 2; turned++) {
+        dgfem_shell_desc desc = shell_desc();
+        dgfem_shape_desc ball = dgfem_default_shape_desc();
+        desc.gravity = at3(0, 0, turned ? 10 : -10);
+        desc.thickness = (dgfem_real)0.02;
+        desc.damping_stiffness = (dgfem_real)0.01;
+        dgfem_shell *shell = shell_make(&desc, 4, 4, 0, map_flat);
+        ball.centre = at3(0.5, 0.5, turned ? 0.4 : -0.4);
+        ball.radius = (dgfem_real)0.3;
+        ball.friction = 1;
+        check_status(dgfem_shell_add_sphere(shell, &ball, NULL), DGFEM_OK);
+        for (int step = 0; step < 20; step++)
+            check_status(dgfem_shell_step(shell, (dgfem_real)0.03, NULL), DGFEM_OK);
+        int middle = shell_grid_nearest(shell, 0.5, 0.5, 0);
+        double top = fabs((double)shell->position[middle].z);
+        check_near(top, 0.09, 0.02);
+        for (int i = 0; i < shell->node_count; i++) {
+            double x = (double)shell->position[i].x - 0.5, y = (double)shell->position[i].y - 0.5;
+            double z = (double)shell->position[i].z - (double)ball.centre.z;
+            assert_true(sqrt(x * x + y * y + z * z) > 0.29);
+        }
+        dgfem_shell_destroy(shell);
+    }
+}
+
+/* A pin drags a corner to where it is told; a moving fixture reaches its target at the end of the step. */
+static void pins_and_fixtures_move(void **state) {
+    dgfem_shell_desc desc = shell_desc();
+    int pin, fixture;
+    (void)state;
+    desc.damping_mass = 20;
+    dgfem_shell *shell = shell_make(&desc, 1, 1, 1, map_flat);
+    int corner = dgfem_shell_nearest_node(shell, at3(1, 1, 0)), other = dgfem_shell_nearest_node(shell, at3(0, 0, 0));
+    check_status(dgfem_shell_pin(shell, corner, 500, &pin), DGFEM_OK);
+    check_status(dgfem_shell_fix_nodes(shell, &other, 1, DGFEM_SHELL_XYZ, at3(0, 0, 0), &fixture), DGFEM_OK);
+    check_status(dgfem_shell_drag(shell, pin, at3(1, 1, 0.3)), DGFEM_OK);
+    for (int step = 1; step <= 25; step++) {
+        check_status(dgfem_shell_move_fixture(shell, fixture, at3(0, 0, 0.012 * step)), DGFEM_OK);
+        check_status(dgfem_shell_step(shell, (dgfem_real)0.02, NULL), DGFEM_OK);
+        check_near3(shell->position[other], at3(0, 0, 0.012 * step), 8 * CHECK_EPSILON);
+    }
+    for (int step = 1; step <= 30; step++) check_status(dgfem_shell_step(shell, (dgfem_real)0.2, NULL), DGFEM_OK);
+    check_near(shell->position[corner].z, 0.3, 0.01);
+    check_status(dgfem_shell_remove_condition(shell, pin), DGFEM_OK);
+    dgfem_shell_destroy(shell);
+}
+
+/* Implicit Euler only loses energy, however large the step, and never blows up. */
+static void large_steps_are_stable(void **state) {
+    check_random random = check_random_seeded(72);
+    (void)state;
+    for (int triangles = 0; triangles < 2; triangles++) {
+        dgfem_shell_desc desc = shell_desc();
+        int edges[256];
+        desc.material.young = (dgfem_real)1e6;
+        desc.thickness = (dgfem_real)0.01;
+        desc.gravity = at3(0, 0, -10);
+        dgfem_shell *shell = shell_make(&desc, 2, 2, triangles, map_flat);
+        check_status(dgfem_shell_clamp(shell, edges, shell_edges(shell, plane_of(1, 0, 0, 0), edges), NULL), DGFEM_OK);
+        for (int i = 0; i < shell->node_count; i++) shell->velocity[i] = check_random_vec3(&random, -5, 5);
+        dgfem_energy energy;
+        check_status(dgfem_shell_energy(shell, &energy), DGFEM_OK);
+        double first = (double)(energy.kinetic + energy.elastic + energy.gravity);
+        for (int step = 0; step < 15; step++)
+            check_status(dgfem_shell_step(shell, (dgfem_real)0.02, NULL), DGFEM_OK);
+        check_status(dgfem_shell_energy(shell, &energy), DGFEM_OK);
+        assert_true((double)(energy.kinetic + energy.elastic + energy.gravity) < first);
+        dgfem_shell_destroy(shell);
+    }
+}
+
+/* The hung sheet's rest state in motion is that of the static solve. */
+static void motion_ends_in_equilibrium(void **state) {
+    dgfem_shell_desc desc = shell_desc();
+    dgfem_shell_static_desc how = dgfem_default_shell_static_desc();
+    int edges[256];
+    (void)state;
+    desc.gravity = at3(0, 0, -1);
+    desc.damping_mass = 3;
+    desc.consistent_mass = 1; /* weighs as the static load does */
+    dgfem_shell *shell = shell_make(&desc, 2, 1, 0, map_flat);
+    check_status(dgfem_shell_clamp(shell, edges, shell_edges(shell, plane_of(1, 0, 0, 0), edges), NULL), DGFEM_OK);
+    for (int step = 0; step < 60; step++) check_status(dgfem_shell_step(shell, (dgfem_real)0.3, NULL), DGFEM_OK);
+    int tip = shell_grid_nearest(shell, 1, 0, 0);
+    dgfem_vec3 moved = shell->position[tip];
+    assert_true((double)moved.z < -0.1);
+    check_status(dgfem_shell_solve_static(shell, &how, NULL), DGFEM_OK);
+    check_near3(shell->position[tip], moved, 2e-3);
+    dgfem_shell_destroy(shell);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(free_fall_is_uniform),     cmocka_unit_test(momentum_is_kept),
+        cmocka_unit_test(strip_vibrates_as_a_beam), cmocka_unit_test(plate_rests_on_a_plane),
+        cmocka_unit_test(friction_holds_or_slides), cmocka_unit_test(sphere_catches_a_sheet),
+        cmocka_unit_test(pins_and_fixtures_move),   cmocka_unit_test(large_steps_are_stable),
+        cmocka_unit_test(motion_ends_in_equilibrium),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
