@@ -17,34 +17,33 @@ typedef struct bar {
 } bar;
 
 static bar read_options(int argc, char **argv) {
-    program p =
-        program_begin(argc, argv,
-                      "adaptive_bar [--how eight|two|degree] [--above PA] [--below PA] [--smallest M]\n"
-                      "  [--nx 9] [--ny 2] [--nz 2] [--lx 4.5] [--ly 1] [--lz 1] [--both-ends] [--degree 1..3]\n"
-                      "  [--young 1e6] [--gravity 1] [--seconds 2 --dt 0.0333 [--every 1] | --rounds N]\n"
-                      "  [--vtu FILE]\n"
-                      "  --rounds: static equilibrium, and a round of refinement after each");
+    program p = program_begin(
+        argc, argv,
+        "adaptive_bar [--how eight|two|degree] [--above PA] [--below PA] [--smallest M]\n"
+        "  [--nx 4] [--ny 3] [--nz 3] [--lx 4.5] [--ly 1] [--lz 1] [--both-ends] [--degree 1..3]\n"
+        "  [--young 1e6] [--gravity 0.3] [--rounds 10 | --seconds S --dt 0.0333 [--every 1]] [--vtu FILE]\n"
+        "  --rounds: static equilibrium before each; the last is the one that changes nothing");
     static const dgfem_refine_action hows[] = {DGFEM_REFINE_EIGHT, DGFEM_REFINE_TWO, DGFEM_REFINE_RAISE};
     bar b;
     b.desc = dgfem_default_body_desc();
     b.refine = dgfem_default_refine_desc();
     b.refine.how = hows[program_choice(&p, "--how", "eight|two|degree", 0)];
-    b.refine.refine_above = (dgfem_real)program_real(&p, "--above", 1.5e4);
+    b.refine.refine_above = (dgfem_real)program_real(&p, "--above", 6490);
     b.refine.merge_below = (dgfem_real)program_real(&p, "--below", 0);
-    b.refine.smallest = (dgfem_real)program_real(&p, "--smallest", 0);
-    b.cells[0] = program_int(&p, "--nx", 9, 1, 1000);
-    b.cells[1] = program_int(&p, "--ny", 2, 1, 1000);
-    b.cells[2] = program_int(&p, "--nz", 2, 1, 1000);
+    b.refine.smallest = (dgfem_real)program_real(&p, "--smallest", 0.12);
+    b.cells[0] = program_int(&p, "--nx", 4, 1, 1000);
+    b.cells[1] = program_int(&p, "--ny", 3, 1, 1000);
+    b.cells[2] = program_int(&p, "--nz", 3, 1, 1000);
     b.size[0] = program_real(&p, "--lx", 4.5);
     b.size[1] = program_real(&p, "--ly", 1);
     b.size[2] = program_real(&p, "--lz", 1);
     b.both_ends = program_flag(&p, "--both-ends");
     b.desc.degree = program_int(&p, "--degree", 1, 1, DGFEM_MAX_DEGREE);
     b.desc.material.young = (dgfem_real)program_real(&p, "--young", 1e6);
-    b.desc.gravity.z = (dgfem_real)-program_real(&p, "--gravity", 1);
-    b.rounds = program_int(&p, "--rounds", 0, 0, 1000);
-    b.is_static = b.rounds > 0;
-    b.seconds = program_real(&p, "--seconds", 2);
+    b.desc.gravity.z = (dgfem_real)-program_real(&p, "--gravity", 0.3);
+    b.rounds = program_int(&p, "--rounds", 10, 0, 1000);
+    b.seconds = program_real(&p, "--seconds", 0);
+    b.is_static = !(b.seconds > 0);
     b.dt = program_real(&p, "--dt", 1.0 / 30);
     b.every = program_int(&p, "--every", 1, 1, 1000);
     b.vtu = program_text(&p, "--vtu", NULL);
@@ -82,29 +81,35 @@ static dgfem_body *make_body(bar *b) {
     return NULL;
 }
 
-/* Prints a line whenever the elements or degrees have changed. */
-static dgfem_status refine(const bar *b, dgfem_body *body, const char *unit, double when) {
+/* Prints a line whenever elements or degrees have changed; *changes counts what has. */
+static dgfem_status refine(const bar *b, dgfem_body *body, const char *unit, double when, int *changes) {
     dgfem_refine_info info;
     dgfem_status status = dgfem_body_refine(body, &b->refine, &info);
     if (status) return status;
-    if (info.elements_split + info.elements_merged + info.degrees_raised + info.degrees_lowered > 0)
+    *changes = info.elements_split + info.elements_merged + info.degrees_raised + info.degrees_lowered;
+    if (*changes > 0)
         printf("%s %.4g elements %d dofs %d split %d merged %d stress %.4g\n", unit, when, body->mesh->element_count,
                3 * body->basis_count, info.elements_split, info.elements_merged, (double)info.largest_stress);
     return DGFEM_OK;
 }
 
-static dgfem_status run(const bar *b, dgfem_body *body) {
+static dgfem_status run_static(const bar *b, dgfem_body *body) {
     dgfem_static_desc solve = dgfem_default_static_desc();
-    dgfem_status status = DGFEM_OK;
-    int steps = (int)(b->seconds / b->dt + 0.5);
-    for (int round = 1; !status && round <= b->rounds; round++) {
-        status = dgfem_body_solve_static(body, &solve, NULL);
-        if (!status) status = refine(b, body, "round", round);
+    dgfem_status status = dgfem_body_solve_static(body, &solve, NULL);
+    int changes = 1;
+    for (int round = 1; !status && changes > 0 && round <= b->rounds; round++) {
+        status = refine(b, body, "round", round, &changes);
+        if (!status && changes > 0) status = dgfem_body_solve_static(body, &solve, NULL);
     }
-    if (b->is_static) return status ? status : dgfem_body_solve_static(body, &solve, NULL);
+    return status;
+}
+
+static dgfem_status run_in_time(const bar *b, dgfem_body *body) {
+    dgfem_status status = DGFEM_OK;
+    int steps = (int)(b->seconds / b->dt + 0.5), changes;
     for (int step = 1; !status && step <= steps; step++) {
         status = dgfem_body_step(body, (dgfem_real)b->dt, NULL);
-        if (!status && step % b->every == 0) status = refine(b, body, "second", body->time);
+        if (!status && step % b->every == 0) status = refine(b, body, "second", body->time, &changes);
     }
     return status;
 }
@@ -143,7 +148,7 @@ int main(int argc, char **argv) {
     bar b = read_options(argc, argv);
     dgfem_body *body = make_body(&b);
     if (!body) return 1;
-    dgfem_status status = run(&b, body);
+    dgfem_status status = b.is_static ? run_static(&b, body) : run_in_time(&b, body);
     if (!status) {
         double largest = 0;
         for (int e = 0; e < body->mesh->element_count; e++) largest = fmax(largest, stress_of(body, e));

@@ -520,6 +520,28 @@ static void test_patch(void **state) {
     }
 }
 
+/* The paper's Fig. 8: a cantilever of 4 x 3 x 3 hexahedra under its weight becomes 274 elements by 1-to-8 splits, when the
+   threshold is just below the stress of the upper and lower layer at the clamp and elements are split twice at most. */
+static void test_adaptive_bar(void **state) {
+    (void)state;
+    static const int counts[2][3] = {{78, 274, 274}, {42, 48, 54}};
+    for (int how = DGFEM_REFINE_EIGHT; how <= DGFEM_REFINE_TWO; how++) {
+        dgfem_body_desc base = dgfem_default_body_desc();
+        dgfem_refine_desc desc = dgfem_default_refine_desc();
+        base.gravity.z = DGFEM_R(-0.3);
+        desc.how = (dgfem_refine_action)how, desc.refine_above = 6490, desc.smallest = DGFEM_R(0.12);
+        dgfem_body *body = make_box(&base, 4, 3, 3, 4.5, 1, 1);
+        clamp_at_x(body, 0);
+        for (int round = 0; round < 3; round++) {
+            solve(body);
+            check_status(dgfem_body_refine(body, &desc, NULL), DGFEM_OK);
+            assert_int_equal(body->mesh->element_count, counts[how - DGFEM_REFINE_EIGHT][round]);
+        }
+        check_status(dgfem_mesh_check(body->mesh), DGFEM_OK);
+        dgfem_body_destroy(body);
+    }
+}
+
 /* ---- slivers ---- */
 
 /* A box with a thin slice and a thin corner split off. */
@@ -686,6 +708,7 @@ int main(void) {
         cmocka_unit_test(test_merging_keeps_momentum),
         cmocka_unit_test(test_what_does_not_merge),
         cmocka_unit_test(test_patch),
+        cmocka_unit_test(test_adaptive_bar),
         cmocka_unit_test(test_slivers),
         cmocka_unit_test(test_bad_input),
         cmocka_unit_test(test_failures_change_nothing),

@@ -4,7 +4,7 @@
 
 #include "check.h"
 #include "check_body.h"
-#include "check_shell.h"
+#include "check_closed.h"
 #include "shapes.h"
 
 /* ---- models ---- */
@@ -82,7 +82,7 @@ static model cut_model(dgfem_mesh *mesh, const shape *s, dgfemi_blade blade, con
     if (hooks) desc.hooks = *hooks;
     desc.vertices = dgfem_points_in_vec3(s->vertices, s->vertex_count), desc.triangles = triangles;
     check_status(dgfem_skin_create(m.body, &desc, &m.skin), DGFEM_OK);
-    check_status(dgfemi_skin_cut(m.skin, m.body, &m.blade, &m.cut), DGFEM_OK);
+    check_status(dgfemi_skin_cut(m.skin, m.body, &m.blade, m.skin->embedding, &m.cut), DGFEM_OK);
     free(triangles);
     return m;
 }
@@ -100,8 +100,8 @@ static dgfem_plane plane_of(double x, double y, double z, double offset) {
     return plane;
 }
 
-static check_shell shell_of(const dgfem_skin *skin, const int *identity) {
-    check_shell shell;
+static check_closed shell_of(const dgfem_skin *skin, const int *identity) {
+    check_closed shell;
     shell.positions = skin->positions, shell.triangles = skin->triangles;
     shell.key = skin->weld ? skin->weld : identity;
     shell.triangle_count = skin->triangle_count, shell.vertex_count = skin->vertex_count;
@@ -161,16 +161,16 @@ static void check_triangles(const dgfem_skin *before, const dgfem_skin *after, d
 static int check_pieces(const dgfem_skin *before, const dgfem_skin *after, double tolerance) {
     int *identity = (int *)malloc(sizeof(int) * (size_t)(before->vertex_count + 1));
     int *piece = (int *)malloc(sizeof(int) * (size_t)(after->triangle_count + 1)), count;
-    check_shell a, b;
+    check_closed a, b;
     double sum = 0;
     for (int v = 0; v < before->vertex_count; v++) identity[v] = v;
     a = shell_of(before, identity), b = shell_of(after, NULL);
-    count = check_shell_pieces(&b, piece);
-    assert_int_equal(check_shell_open_edges(&b), 0);
-    for (int i = 0; i < count; i++) sum += check_shell_volume(&b, piece, i);
-    check_near(sum, check_shell_volume(&a, NULL, 0), tolerance);
-    check_near(check_shell_area(&b, after->wall, after->cut_count),
-               check_shell_area(&b, after->wall, -after->cut_count), tolerance);
+    count = check_closed_pieces(&b, piece);
+    assert_int_equal(check_closed_open_edges(&b), 0);
+    for (int i = 0; i < count; i++) sum += check_closed_volume(&b, piece, i);
+    check_near(sum, check_closed_volume(&a, NULL, 0), tolerance);
+    check_near(check_closed_area(&b, after->wall, after->cut_count),
+               check_closed_area(&b, after->wall, -after->cut_count), tolerance);
     check_vertices(before, after, tolerance);
     check_triangles(before, after, tolerance);
     free(identity);
@@ -229,9 +229,9 @@ static void test_cube(void **state) {
     for (size_t i = 0; i < sizeof planes / sizeof *planes; i++) {
         dgfem_plane plane = plane_of(planes[i][0], planes[i][1], planes[i][2], planes[i][3]);
         model m = cut_model(grid(3, 3, 3, vec3(0, 0, 0), vec3(1, 1, 1)), &s0, blade_of(plane, NULL, 0), NULL);
-        check_shell shell = shell_of(m.cut, NULL);
+        check_closed shell = shell_of(m.cut, NULL);
         assert_int_equal(check_pieces(m.skin, m.cut, 256 * CHECK_EPSILON), 2);
-        if (planes[i][4] > 0) check_near(check_shell_area(&shell, m.cut->wall, 1), planes[i][4], 256 * CHECK_EPSILON);
+        if (planes[i][4] > 0) check_near(check_closed_area(&shell, m.cut->wall, 1), planes[i][4], 256 * CHECK_EPSILON);
         assert_int_equal(m.cut->cut_count, 1);
         check_sides(&m, 4096 * CHECK_EPSILON);
         free_model(&m);
@@ -294,7 +294,7 @@ static void test_ball(void **state) {
 
 static void test_torus_and_hollow_box(void **state) {
     model m;
-    check_shell shell;
+    check_closed shell;
     (void)state;
     shape_torus(&s0, 24, 12);
     m = cut_model(slices(&s0, 6), &s0, blade_of(plane_of(1, 0.1, 0, 0.05), NULL, 0), NULL);
@@ -309,14 +309,14 @@ static void test_torus_and_hollow_box(void **state) {
     m = cut_model(slices(&s0, 4), &s0, blade_of(plane_of(0, 0, 1, 2.2), NULL, 0), NULL);
     shell = shell_of(m.cut, NULL);
     assert_int_equal(check_pieces(m.skin, m.cut, 1e4 * CHECK_EPSILON), 2);
-    check_near(check_shell_area(&shell, m.cut->wall, 1), 12, 1e3 * CHECK_EPSILON); /* 16 less the hole */
+    check_near(check_closed_area(&shell, m.cut->wall, 1), 12, 1e3 * CHECK_EPSILON); /* 16 less the hole */
     check_sides(&m, 1e5 * CHECK_EPSILON);
     free_model(&m);
     shape_plate(&s0);
     m = cut_model(grid(8, 6, 2, vec3(0, 0, 0), vec3(8, 6, 2)), &s0, blade_of(plane_of(0, 1, 0, 3.1), NULL, 0), NULL);
     shell = shell_of(m.cut, NULL);
     assert_int_equal(check_pieces(m.skin, m.cut, 1e4 * CHECK_EPSILON), 2);
-    check_near(check_shell_area(&shell, m.cut->wall, -1), 8, 1e3 * CHECK_EPSILON); /* three bridges */
+    check_near(check_closed_area(&shell, m.cut->wall, -1), 8, 1e3 * CHECK_EPSILON); /* three bridges */
     free_model(&m);
 }
 
@@ -336,14 +336,14 @@ static void test_slit(void **state) {
     for (size_t i = 0; i < sizeof outlines / sizeof *outlines; i++) {
         dgfem_vec3 polygon[4];
         model m;
-        check_shell shell;
+        check_closed shell;
         for (int k = 0; k < 4; k++) polygon[k] = vec3(outlines[i][2 * k], outlines[i][2 * k + 1], 0.45);
         m = cut_model(grid(4, 4, 4, vec3(0, 0, 0), vec3(1, 1, 1)), &s0, blade_of(plane_of(0, 0, 1, 0.45), polygon, 4),
                       NULL);
         shell = shell_of(m.cut, NULL);
         assert_int_equal(check_pieces(m.skin, m.cut, 1024 * CHECK_EPSILON), 1);
         assert_int_equal(m.cut->cut_count, 1);
-        if (areas[i] > 0) check_near(check_shell_area(&shell, m.cut->wall, 1), areas[i], 1024 * CHECK_EPSILON);
+        if (areas[i] > 0) check_near(check_closed_area(&shell, m.cut->wall, 1), areas[i], 1024 * CHECK_EPSILON);
         free_model(&m);
     }
 }
@@ -357,13 +357,13 @@ static void test_whole_polygons(void **state) {
         double c = centres[i], r = sizes[i];
         dgfem_vec3 polygon[4];
         model m;
-        check_shell shell;
+        check_closed shell;
         for (int k = 0; k < 4; k++) polygon[k] = vec3(k == 0 || k == 3 ? c - r : c + r, k < 2 ? c - r : c + r, 0.45);
         m = cut_model(grid(4, 4, 4, vec3(0, 0, 0), vec3(1, 1, 1)), &s0, blade_of(plane_of(0, 0, 1, 0.45), polygon, 4),
                       NULL);
         shell = shell_of(m.cut, NULL);
         assert_int_equal(check_pieces(m.skin, m.cut, 1024 * CHECK_EPSILON), i == 2 ? 1 : 2);
-        check_near(check_shell_area(&shell, m.cut->wall, 1), areas[i], 1024 * CHECK_EPSILON);
+        check_near(check_closed_area(&shell, m.cut->wall, 1), areas[i], 1024 * CHECK_EPSILON);
         free_model(&m);
     }
 }
@@ -388,7 +388,7 @@ static void test_star_polygon(void **state) {
 /* A body whose mesh has all the cuts; the skin takes them one by one. */
 static dgfem_skin *cut_again(dgfem_skin *skin, const dgfem_body *body, const dgfemi_blade *blade) {
     dgfem_skin *next;
-    check_status(dgfemi_skin_cut(skin, body, blade, &next), DGFEM_OK);
+    check_status(dgfemi_skin_cut(skin, body, blade, skin->embedding, &next), DGFEM_OK);
     dgfem_skin_destroy(skin);
     return next;
 }
@@ -427,7 +427,7 @@ static void test_crossing_cuts(void **state) {
     }
     for (int pass = 0; pass < 2; pass++) {
         int *piece = (int *)malloc(sizeof(int) * (size_t)skin->triangle_count);
-        check_shell shell = shell_of(skin, NULL);
+        check_closed shell = shell_of(skin, NULL);
         for (int e = 0; e < mesh->element_count; e++) {
             dgfem_vec3 c = mesh->elements[e].centre;
             double x = dgfemi_blade_side(&blades[0], c), y = dgfemi_blade_side(&blades[1], c),
@@ -435,7 +435,7 @@ static void test_crossing_cuts(void **state) {
             body->displacement[body->basis_start[e]] = vec3(x, y, z);
         }
         check_status(dgfem_skin_update(skin, body), DGFEM_OK);
-        assert_int_equal(check_shell_pieces(&shell, piece), 8);
+        assert_int_equal(check_closed_pieces(&shell, piece), 8);
         for (int p = 0; p < 8; p++) { /* all vertices of a piece make the same move, by whole numbers */
             int seen = 0;
             dgfem_vec3 u = vec3(0, 0, 0);
@@ -545,7 +545,7 @@ static void test_moved_body(void **state) {
         dgfem_body *body;
         dgfem_skin *skin, *cut;
         dgfem_mat3 f, ft;
-        check_shell shell;
+        check_closed shell;
         int *identity;
         for (int r = 0; r < 3; r++)
             for (int c = 0; c < 3; c++) affine.linear.m[r][c] *= DGFEM_R(0.4);
@@ -574,7 +574,7 @@ static void test_moved_body(void **state) {
             m = dgfemi_scale(rest.offset, rest.normal); /* a point of the plane */
             world.offset = dgfemi_dot(world.normal, dgfemi_add(m, check_affine_at(&affine, m)));
         }
-        check_status(dgfemi_skin_cut(skin, body, &world, &cut), DGFEM_OK);
+        check_status(dgfemi_skin_cut(skin, body, &world, skin->embedding, &cut), DGFEM_OK);
         identity = (int *)malloc(sizeof(int) * (size_t)skin->vertex_count);
         for (int v = 0; v < skin->vertex_count; v++) identity[v] = v;
         assert_int_equal(check_pieces(skin, cut, 1e4 * CHECK_EPSILON), i % 2 ? 1 : 2);
@@ -589,7 +589,7 @@ static void test_moved_body(void **state) {
             for (int k = 0; cut->wall[t] && k < 3; k++)
                 check_near(dgfemi_blade_distance(&world, cut->positions[cut->triangles[3 * t + k]]), 0,
                            1e4 * CHECK_EPSILON);
-        check_near(check_shell_area(&shell, cut->wall, 1) > 0.1, 1, 0);
+        check_near(check_closed_area(&shell, cut->wall, 1) > 0.1, 1, 0);
         dgfem_skin_destroy(skin);
         dgfem_skin_destroy(cut);
         check_body_destroy(body);
@@ -605,7 +605,7 @@ static void test_seams(void **state) {
     dgfemi_blade blade = blade_of(plane_of(1, 2, 3, 2.5), NULL, 0);
     dgfem_body *body;
     dgfem_skin *skin, *cut;
-    check_shell shell;
+    check_closed shell;
     int *piece;
     (void)state;
     shape_box(&s0, 0, 0, 0, 1, 1, 1);
@@ -617,12 +617,12 @@ static void test_seams(void **state) {
     body = check_body_create(mesh, NULL, 1, NULL);
     desc.vertices = dgfem_points_in_vec3(vertices, 36), desc.triangles = triangles, desc.triangle_count = 12;
     check_status(dgfem_skin_create(body, &desc, &skin), DGFEM_OK);
-    check_status(dgfemi_skin_cut(skin, body, &blade, &cut), DGFEM_OK);
+    check_status(dgfemi_skin_cut(skin, body, &blade, skin->embedding, &cut), DGFEM_OK);
     shell = shell_of(cut, NULL);
     piece = (int *)malloc(sizeof(int) * (size_t)cut->triangle_count);
-    assert_int_equal(check_shell_open_edges(&shell), 0);
-    assert_int_equal(check_shell_pieces(&shell, piece), 2);
-    check_near(check_shell_volume(&shell, NULL, 0), 1, 256 * CHECK_EPSILON);
+    assert_int_equal(check_closed_open_edges(&shell), 0);
+    assert_int_equal(check_closed_pieces(&shell, piece), 2);
+    check_near(check_closed_volume(&shell, NULL, 0), 1, 256 * CHECK_EPSILON);
     for (int t = 0; t < 12; t++) /* no vertex is shared between triangles of different sources */
         for (int u = 0; u < cut->triangle_count; u++)
             for (int k = 0; k < 9 && cut->source[u] != cut->source[t]; k++)
@@ -651,13 +651,13 @@ static void test_open_skins(void **state) {
         desc.vertices = dgfem_points_in_vec3(vertices, pass == 2 ? 0 : 4);
         if (pass == 0) desc.triangles = sheet, desc.triangle_count = 2;
         check_status(dgfem_skin_create(body, &desc, &skin), DGFEM_OK);
-        check_status(dgfemi_skin_cut(skin, body, &blade, &cut), DGFEM_OK);
+        check_status(dgfemi_skin_cut(skin, body, &blade, skin->embedding, &cut), DGFEM_OK);
         if (pass == 0) {
-            check_shell shell = shell_of(cut, NULL);
+            check_closed shell = shell_of(cut, NULL);
             int piece[32];
             assert_int_equal(cut->triangle_count, 6);
             assert_int_equal(cut->vertex_count, 4 + 6);
-            assert_int_equal(check_shell_pieces(&shell, piece), 2);
+            assert_int_equal(check_closed_pieces(&shell, piece), 2);
             for (int t = 0; t < 6; t++) assert_int_equal(cut->wall[t], 0);
         } else {
             assert_int_equal(cut->vertex_count, skin->vertex_count);
@@ -694,7 +694,8 @@ static void test_kept_weights(void **state) {
     for (int i = 0; i < 2; i++) skins[i] = skin_of(bodies[0], &s0, NULL);
     for (int e = 0; e < meshes[0]->element_count; e++)
         skins[1]->embedding->element_glue[e] += 100; /* all has changed */
-    for (int i = 0; i < 2; i++) check_status(dgfemi_skin_cut(skins[i], bodies[1], &blade, &cuts[i]), DGFEM_OK);
+    for (int i = 0; i < 2; i++)
+        check_status(dgfemi_skin_cut(skins[i], bodies[1], &blade, skins[i]->embedding, &cuts[i]), DGFEM_OK);
     assert_int_equal(cuts[0]->vertex_count, cuts[1]->vertex_count);
     for (int i = 0; i < bodies[1]->basis_count; i++) bodies[1]->displacement[i] = check_random_vec3(&random, -1, 1);
     for (int i = 0; i < 2; i++) check_status(dgfem_skin_update(cuts[i], bodies[1]), DGFEM_OK);
@@ -734,7 +735,7 @@ static dgfem_status cut_and_renew(void *context, const dgfem_hooks *hooks) {
     dgfem_skin *cut = NULL, *copy;
     dgfem_status status;
     m->skin->hooks = m->body->mesh->hooks = *hooks;
-    status = dgfemi_skin_cut(m->skin, m->body, &m->blade, &cut);
+    status = dgfemi_skin_cut(m->skin, m->body, &m->blade, m->skin->embedding, &cut);
     assert_true((status == DGFEM_OK) == (cut != NULL));
     if (cut) {
         dgfem_embedding *before = cut->embedding;

@@ -4,7 +4,7 @@
 
 #include "check.h"
 #include "check_body.h"
-#include "check_shell.h"
+#include "check_closed.h"
 #include "shapes.h"
 
 static dgfem_mesh *grid(int nx, int ny, int nz) {
@@ -32,17 +32,17 @@ static int open_plane(dgfem_mesh *mesh, dgfem_plane plane, double limit) {
     return opened;
 }
 
-static check_shell shell_of(const dgfem_surface *surface) {
-    check_shell shell;
+static check_closed shell_of(const dgfem_surface *surface) {
+    check_closed shell;
     shell.positions = surface->positions, shell.triangles = surface->triangles, shell.key = surface->sample;
     shell.triangle_count = surface->triangle_count, shell.vertex_count = surface->vertex_count;
     return shell;
 }
 
 static int pieces_of(const dgfem_surface *surface) {
-    check_shell shell = shell_of(surface);
+    check_closed shell = shell_of(surface);
     int *piece = (int *)malloc(sizeof(int) * (size_t)(surface->triangle_count + 1));
-    int count = check_shell_pieces(&shell, piece);
+    int count = check_closed_pieces(&shell, piece);
     free(piece);
     return count;
 }
@@ -50,13 +50,13 @@ static int pieces_of(const dgfem_surface *surface) {
 /* Closed; triangles look out of their elements; area and volume are the mesh's and its walls'. */
 static void check_surface(const dgfem_body *body, const dgfem_surface *surface) {
     const dgfem_mesh *mesh = body->mesh;
-    check_shell shell = shell_of(surface);
+    check_closed shell = shell_of(surface);
     double area = (double)dgfem_mesh_boundary_area(mesh), volume = (double)dgfem_mesh_volume(mesh);
     for (int f = 0; f < mesh->face_count; f++)
         if (mesh->faces[f].element[1] != DGFEM_NONE && mesh->faces[f].cut) area += 2 * (double)mesh->faces[f].area;
-    assert_int_equal(check_shell_open_edges(&shell), 0);
-    check_near(check_shell_volume(&shell, NULL, 0), volume, 64 * CHECK_EPSILON * volume);
-    check_near(check_shell_area(&shell, NULL, 0), area, 64 * CHECK_EPSILON * area);
+    assert_int_equal(check_closed_open_edges(&shell), 0);
+    check_near(check_closed_volume(&shell, NULL, 0), volume, 64 * CHECK_EPSILON * volume);
+    check_near(check_closed_area(&shell, NULL, 0), area, 64 * CHECK_EPSILON * area);
     for (int t = 0; t < surface->triangle_count; t++) {
         const dgfem_face *face = &mesh->faces[surface->face[t]];
         assert_true(face->element[0] == surface->element[t] || face->element[1] == surface->element[t]);
@@ -90,7 +90,7 @@ static void test_cut_through(void **state) {
     dgfem_mesh *mesh = grid(3, 2, 2);
     dgfem_body *body;
     dgfem_surface *surface;
-    check_shell shell;
+    check_closed shell;
     int *wall_vertex;
     (void)state;
     plane.normal = vec3(0.8, 0.6, 0), plane.offset = DGFEM_R(1.55);
@@ -100,7 +100,7 @@ static void test_cut_through(void **state) {
     check_surface(body, surface);
     shell = shell_of(surface);
     assert_int_equal(pieces_of(surface), 2);
-    check_near(check_shell_area(&shell, surface->wall, 1), 2 * 2 * 2 / 0.8, 64 * CHECK_EPSILON);
+    check_near(check_closed_area(&shell, surface->wall, 1), 2 * 2 * 2 / 0.8, 64 * CHECK_EPSILON);
     wall_vertex = (int *)calloc((size_t)surface->vertex_count, sizeof(int));
     for (int i = 0; i < 3 * surface->triangle_count; i++)
         wall_vertex[surface->triangles[i]] |= 1 + surface->wall[i / 3];
@@ -147,11 +147,11 @@ static void test_slices(void **state) {
     check_surface(body, surface);
     assert_int_equal(pieces_of(surface), 1);
     for (int t = 0; t < desc.triangle_count; t++) { /* each source is covered */
-        check_shell shell = shell_of(surface);
+        check_closed shell = shell_of(surface);
         dgfem_vec3 a = s.vertices[triangles[3 * t]];
         area = 0.5 * (double)dgfemi_norm(dgfemi_cross(dgfemi_sub(s.vertices[triangles[3 * t + 1]], a),
                                                       dgfemi_sub(s.vertices[triangles[3 * t + 2]], a)));
-        check_near(check_shell_area(&shell, surface->source, t), area, 4096 * CHECK_EPSILON);
+        check_near(check_closed_area(&shell, surface->source, t), area, 4096 * CHECK_EPSILON);
     }
     dgfem_surface_destroy(surface);
     check_body_destroy(body);

@@ -101,8 +101,8 @@ static dgfem_real dgfemi_field_reach(const dgfemi_edit *edit, const dgfemi_field
 static void dgfemi_element_extent(const dgfem_mesh *mesh, int element, dgfem_plane plane, dgfem_real *low,
                                   dgfem_real *high) {
     const dgfem_element *e = &mesh->elements[element];
-    *low = *high = dgfemi_dot(plane.normal, dgfemi_mesh_first_vertex(mesh, mesh->element_faces[e->face_start])) -
-                   plane.offset;
+    *low = *high =
+        dgfemi_dot(plane.normal, dgfemi_mesh_first_vertex(mesh, mesh->element_faces[e->face_start])) - plane.offset;
     for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
         const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
         for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++)
@@ -484,7 +484,8 @@ static dgfem_status dgfemi_cut_skin(const dgfem_skin *skin, const dgfem_body *ne
                                     int count, dgfem_skin **out) {
     dgfem_skin *last = NULL;
     for (int b = 0; b < count; b++) {
-        dgfem_status status = dgfemi_skin_cut(last ? last : skin, next, &blades[b], out);
+        dgfem_status status =
+            dgfemi_skin_cut(last ? last : skin, next, &blades[b], b + 1 < count ? NULL : skin->embedding, out);
         dgfem_skin_destroy(last);
         if (status) return status;
         last = *out;

@@ -253,7 +253,22 @@ static void dgfemi_skin_result_fill(const dgfemi_skin_cutter *c, dgfem_skin *out
     }
 }
 
-static dgfem_status dgfemi_skin_result(dgfemi_skin_cutter *c, dgfem_skin **out) {
+/* Between two blades a skin has no weights: only the places that it was cut in. 1 on success. */
+static int dgfemi_skin_keep_places(const dgfemi_skin_cutter *c, dgfem_skin *skin) {
+    size_t count = (size_t)c->vertex_count;
+    skin->embedding = (dgfem_embedding *)dgfemi_allocate_zero(c->hooks, 1, sizeof *skin->embedding);
+    if (!skin->embedding) return 0;
+    skin->embedding->hooks = *c->hooks;
+    skin->embedding->points = (dgfem_vec3 *)dgfemi_allocate(c->hooks, count, sizeof(dgfem_vec3));
+    if (!skin->embedding->points) return 0;
+    for (size_t i = 0; i < count; i++) {
+        skin->embedding->points[i] = c->vertices[i].rest;
+        skin->positions[i] = c->vertices[i].world;
+    }
+    return 1;
+}
+
+static dgfem_status dgfemi_skin_result(dgfemi_skin_cutter *c, const dgfem_embedding *weights, dgfem_skin **out) {
     const dgfem_hooks *hooks = c->hooks;
     dgfemi_arena arena = dgfemi_arena_make(hooks);
     int *homes = (int *)dgfemi_arena_allocate(&arena, (size_t)c->vertex_count, sizeof(int));
@@ -263,26 +278,29 @@ static dgfem_status dgfemi_skin_result(dgfemi_skin_cutter *c, dgfem_skin **out) 
     if (skin) skin->hooks = *hooks;
     if (!homes || !skin || !dgfemi_skin_find_homes(&arena, c, homes) || !dgfemi_skin_result_allocate(c, skin))
         status = dgfemi_fail_memory(hooks);
-    if (status == DGFEM_OK) {
-        dgfemi_skin_result_fill(c, skin);
+    if (status == DGFEM_OK) dgfemi_skin_result_fill(c, skin);
+    if (status == DGFEM_OK && !weights && !dgfemi_skin_keep_places(c, skin)) status = dgfemi_fail_memory(hooks);
+    if (status == DGFEM_OK && weights) {
         rest =
             dgfem_points_in_vec3((const dgfem_vec3 *)(const void *)c->vertices, c->vertex_count); /* its first member */
         rest.stride = (int)sizeof *c->vertices;
-        status = dgfemi_skin_embed(skin, c->body, &rest, homes, c->skin->embedding);
+        status = dgfemi_skin_embed(skin, c->body, &rest, homes, weights);
     }
     dgfemi_arena_free(&arena);
     if (status != DGFEM_OK) {
         dgfem_skin_destroy(skin);
         return status;
     }
-    dgfemi_skin_update(skin, c->body);
+    if (weights) dgfemi_skin_update(skin, c->body);
     *out = skin;
     return DGFEM_OK;
 }
 
-/* A copy of the skin, cut by the blade; `body` is the body after its elements were. On failure nothing is made. */
+/* A copy of the skin, cut by the blade; `body` is the body after its elements were. `weights` are those of the skin
+   before all blades, of which many can be kept; NULL where another blade follows, and the copy can do nothing but be
+   cut again. On failure nothing is made. */
 static dgfem_status dgfemi_skin_cut(const dgfem_skin *skin, const dgfem_body *body, const dgfemi_blade *blade,
-                                    dgfem_skin **out) {
+                                    const dgfem_embedding *weights, dgfem_skin **out) {
     dgfemi_skin_cutter c;
     dgfem_status status;
     memset(&c, 0, sizeof c);
@@ -295,7 +313,7 @@ static dgfem_status dgfemi_skin_cut(const dgfem_skin *skin, const dgfem_body *bo
     dgfemi_skin_find_signs(&c);
     if (dgfemi_skin_find_chords(&c) && dgfemi_skin_split_all(&c) && dgfemi_skin_find_slit(&c) &&
         dgfemi_skin_find_caps(&c) && dgfemi_skin_make_vertices(&c) && dgfemi_skin_make_walls(&c))
-        status = dgfemi_skin_result(&c, out);
+        status = dgfemi_skin_result(&c, weights, out);
     else status = dgfemi_fail_memory(&skin->hooks);
     dgfemi_skin_cutter_free(&c);
     return status;
