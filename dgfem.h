@@ -1170,6 +1170,11 @@ DGFEM_API dgfem_status dgfem_surface_normals(const dgfem_surface *surface, dgfem
 
 /* ---- cutting ------------------------------------------------------------------------------------------------- */
 
+/* Told of each piece that has come off: `piece` as dgfem_body_pieces numbers it, and its elements. Of what hung together
+   before, the largest part is not new. Called at the end, when all is done; the body must not be changed in it. */
+typedef void (*dgfem_new_piece_fn)(void *user, const dgfem_body *body, int piece, const int *elements,
+                                   int element_count);
+
 /* A cut opens because the glue between elements is gone, nothing else: the field stays as it is, elements that the blade
    passes are split and both parts keep their polynomial. Materials, tags, conditions and loads stay on the parts. Blades
    are given in world space and meet the body as it is now. On failure nothing has changed; a cut that succeeds raises
@@ -1182,6 +1187,8 @@ typedef struct dgfem_cut_desc {
                             that it is glued to; 0: none; default 1e-3 */
     dgfem_skin *const *skins; /* render meshes, up to date with the body, that are cut along with it; or NULL */
     int skin_count;
+    dgfem_new_piece_fn new_piece; /* or NULL */
+    void *new_piece_user;
 } dgfem_cut_desc;
 
 typedef struct dgfem_cut_info {
@@ -17001,6 +17008,58 @@ static dgfem_status dgfemi_edit_finish(dgfemi_edit *edit, dgfem_body *body) {
     return status;
 }
 
+/* ---- pieces that come off ---- */
+
+/* Of what was one piece before the edit the largest stays; the others are new pieces. */
+typedef struct dgfemi_separation {
+    int *piece_of; /* [elements] of the edited body */
+    int *is_new;   /* [pieces] */
+    int *list;     /* [elements] room for the elements of one piece */
+    int count;     /* pieces */
+} dgfemi_separation;
+
+/* Before the renewal is accepted; memory from the arena. 1 on success. */
+static int dgfemi_separation_find(const dgfemi_renewal *r, dgfemi_arena *arena, dgfemi_separation *s) {
+    const dgfem_mesh *old = r->body->mesh, *mesh = r->next.mesh;
+    size_t most = (size_t)(old->element_count > mesh->element_count ? old->element_count : mesh->element_count);
+    int *before = (int *)dgfemi_arena_allocate(arena, (size_t)old->element_count, sizeof(int));
+    s->piece_of = (int *)dgfemi_arena_allocate(arena, (size_t)mesh->element_count, sizeof(int));
+    s->list = (int *)dgfemi_arena_allocate(arena, most, sizeof(int));
+    if (!before || !s->piece_of || !s->list) return 0;
+    int old_count = dgfemi_find_pieces(old, before, s->list);
+    s->count = dgfemi_find_pieces(mesh, s->piece_of, s->list);
+    int *parent = (int *)dgfemi_arena_allocate(arena, (size_t)s->count, sizeof(int));
+    int *largest = (int *)dgfemi_arena_allocate(arena, (size_t)old_count, sizeof(int));
+    dgfem_real *volume = (dgfem_real *)dgfemi_arena_allocate_zero(arena, (size_t)s->count, sizeof *volume);
+    s->is_new = (int *)dgfemi_arena_allocate(arena, (size_t)s->count, sizeof(int));
+    if (!parent || !largest || !volume || !s->is_new) return 0;
+    for (int k = 0; k < old_count; k++) largest[k] = DGFEM_NONE;
+    for (int e = 0; e < mesh->element_count; e++) {
+        volume[s->piece_of[e]] += mesh->elements[e].volume;
+        parent[s->piece_of[e]] = before[dgfemi_field_element(r->edit, &r->edit->fields[r->field[e]])];
+    }
+    for (int k = 0; k < s->count; k++) {
+        int *best = &largest[parent[k]];
+        s->is_new[k] = 1;
+        if (*best == DGFEM_NONE || volume[k] > volume[*best]) *best = k;
+    }
+    for (int k = 0; k < old_count; k++)
+        if (largest[k] != DGFEM_NONE) s->is_new[largest[k]] = 0;
+    return 1;
+}
+
+/* After the renewal was accepted: one call for each new piece. */
+static void dgfemi_separation_tell(const dgfemi_separation *s, const dgfem_body *body, dgfem_new_piece_fn fn,
+                                   void *user) {
+    for (int k = 0; fn && k < s->count; k++) {
+        int count = 0;
+        if (!s->is_new[k]) continue;
+        for (int e = 0; e < body->mesh->element_count; e++)
+            if (s->piece_of[e] == k) s->list[count++] = e;
+        fn(user, body, k, s->list, count);
+    }
+}
+
 /* ==== degree.c ==================================================================================================== */
 
 /* Changing the polynomial degree of elements while the body lives: coefficients are kept exactly when the degree is
@@ -20337,11 +20396,13 @@ static dgfem_status dgfemi_cut_finish(dgfemi_edit *edit, dgfem_body *body, const
     dgfemi_arena arena = dgfemi_arena_make(&body->hooks);
     size_t skins = (size_t)desc->skin_count;
     dgfem_skin **cut = (dgfem_skin **)dgfemi_arena_allocate_zero(&arena, skins, sizeof *cut);
+    dgfemi_separation separation;
     dgfemi_renewal renewal;
     if (!cut) return dgfemi_fail_memory(&body->hooks);
     dgfem_status status = dgfemi_renewal_make(&renewal, edit, body);
     if (!status) {
-        status = dgfemi_cut_skins(desc, &renewal.next, blades, count, cut);
+        if (!dgfemi_separation_find(&renewal, &arena, &separation)) status = dgfemi_fail_memory(&body->hooks);
+        if (!status) status = dgfemi_cut_skins(desc, &renewal.next, blades, count, cut);
         if (status) dgfemi_renewal_abort(&renewal);
         else dgfemi_renewal_accept(&renewal);
     }
@@ -20351,6 +20412,7 @@ static dgfem_status dgfemi_cut_finish(dgfemi_edit *edit, dgfem_body *body, const
         *cut[i] = last;
         dgfem_skin_destroy(cut[i]);
     }
+    if (!status) dgfemi_separation_tell(&separation, body, desc->new_piece, desc->new_piece_user);
     dgfemi_arena_free(&arena);
     return status;
 }

@@ -286,15 +286,18 @@ readme_program_runs() {
 manual_program() { awk '/^   [A-Z]/ { on = $0 == "   A WHOLE PROGRAM"; next } on { print substr($0, 8) }' "$1"; }
 
 manual_program_runs() {
-    manual_program dgfem.h > "$work/manual.c"
+    manual_program "$2" > "$work/manual.c"
     # shellcheck disable=SC2086
     "$gcc" "-DDGFEM_REAL=$1" -std=c99 $warnings -I. -o "$work/manual" "$work/manual.c" -lm && "$work/manual"
 }
 
 check_readme() {
     check "the README's program compiles as printed and prints what it says" readme_program_runs
-    check "the manual's program compiles as printed and runs" manual_program_runs double
-    check "the manual's program compiles as printed and runs in float" manual_program_runs float
+    for product in $products; do
+        check "the manual's program in $product compiles as printed and runs" manual_program_runs double "$product"
+        check "the manual's program in $product compiles as printed and runs in float" manual_program_runs float \
+            "$product"
+    done
 }
 
 # ---- examples ----
@@ -380,6 +383,16 @@ runs_beam() {
         near "$(value tip_z)" -1.4375 1e-4
 }
 
+shell_keys='nodes dofs displacement reference normalised milliseconds'
+
+# runs_shell ARGUMENTS...: the result is within 3 % of the reference.
+runs_shell() { prints_keys "$shell_keys" build/examples/shell_benchmark "$@" && near "$(value normalised)" 1 0.03; }
+
+runs_shells() {
+    runs_shell --test plate_ss_q --n 6 && runs_shell --test scordelis --n 8 && runs_shell --test hemisphere --n 10 &&
+        runs_shell --test plate_cl_q --element t6 --n 8 && runs_shell --test endshear --n 8
+}
+
 runs_bunny() {
     mkdir "$work/frames" && build/examples/bunny --out "$work/frames" --seconds 0.1 &&
         [ -s "$work/frames/skin_0000.obj" ] && [ -s "$work/frames/elements_0000.vtu" ]
@@ -396,6 +409,9 @@ check_examples() {
     check "slice refuses an open surface and names the edge" refuses_open
     check "slice refuses a surface that is inside out" refuses_inside_out
     check "slice refuses empty and absent files" refuses_empty
+    check "shell_benchmark prints its keys, and the references within 3 %" runs_shells
+    check "shell_benchmark refuses an unknown test" refuses_option build/examples/shell_benchmark --test bogus
+    check "shell_sheet refuses too few steps" refuses_value build/examples/shell_sheet --dt 1
     check "bunny runs with its own shape" runs_bunny
 }
 

@@ -106,6 +106,47 @@ static void test_plane_through_a_row(void **state) {
     dgfem_body_destroy(body);
 }
 
+typedef struct listener {
+    int calls, elements;
+    double volume;
+} listener;
+
+static void hear(void *user, const dgfem_body *body, int piece, const int *elements, int element_count) {
+    listener *l = (listener *)user;
+    int count, *piece_of = (int *)malloc((size_t)body->mesh->element_count * sizeof(int));
+    check_status(dgfem_body_pieces(body, piece_of, NULL, 0, &count), DGFEM_OK);
+    assert_in_range(piece, 0, count - 1);
+    for (int i = 0; i < element_count; i++) {
+        assert_int_equal(piece_of[elements[i]], piece);
+        l->volume += (double)body->mesh->elements[elements[i]].volume;
+    }
+    l->calls++, l->elements += element_count;
+    free(piece_of);
+}
+
+/* The host hears of what comes off: the smaller part of each piece, and nothing where a piece stays whole. */
+static void test_new_pieces(void **state) {
+    (void)state;
+    dgfem_body *body = grid_body(4, 2, 1, 1, NULL);
+    dgfem_cut_desc desc = dgfem_default_cut_desc();
+    listener l;
+    memset(&l, 0, sizeof l);
+    desc.new_piece = hear, desc.new_piece_user = &l;
+    check_status(dgfem_body_cut_plane(body, plane(1, 0, 0, 2.5), &desc, NULL), DGFEM_OK);
+    assert_int_equal(l.calls, 1);
+    assert_int_equal(l.elements, 4);
+    check_near(l.volume, 3, 16 * quiet);
+    memset(&l, 0, sizeof l);
+    check_status(dgfem_body_cut_plane(body, plane(0, 1, 0, 0.5), &desc, NULL), DGFEM_OK); /* through both */
+    assert_int_equal(l.calls, 2);
+    check_near(l.volume, 2, 16 * quiet);
+    memset(&l, 0, sizeof l);
+    const double slit[] = {-1, 1.5, -1, 0.5, 1.5, -1, 0.5, 1.5, 2, -1, 1.5, 2};
+    check_status(dgfem_body_cut_polygon(body, dgfem_points_in_double(slit, 4), &desc, NULL), DGFEM_OK);
+    assert_int_equal(l.calls, 0);
+    dgfem_body_destroy(body);
+}
+
 /* Along faces nothing is split, and a second cut in the same place finds nothing left. */
 static void test_plane_along_faces(void **state) {
     (void)state;
@@ -616,6 +657,7 @@ static void test_failures_change_nothing(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_plane_through_a_row),
+        cmocka_unit_test(test_new_pieces),
         cmocka_unit_test(test_plane_along_faces),
         cmocka_unit_test(test_snap),
         cmocka_unit_test(test_polygon),

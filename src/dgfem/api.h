@@ -919,6 +919,11 @@ DGFEM_API dgfem_status dgfem_surface_normals(const dgfem_surface *surface, dgfem
 
 /* ---- cutting ------------------------------------------------------------------------------------------------- */
 
+/* Told of each piece that has come off: `piece` as dgfem_body_pieces numbers it, and its elements. Of what hung together
+   before, the largest part is not new. Called at the end, when all is done; the body must not be changed in it. */
+typedef void (*dgfem_new_piece_fn)(void *user, const dgfem_body *body, int piece, const int *elements,
+                                   int element_count);
+
 /* A cut opens because the glue between elements is gone, nothing else: the field stays as it is, elements that the blade
    passes are split and both parts keep their polynomial. Materials, tags, conditions and loads stay on the parts. Blades
    are given in world space and meet the body as it is now. On failure nothing has changed; a cut that succeeds raises
@@ -931,6 +936,8 @@ typedef struct dgfem_cut_desc {
                             that it is glued to; 0: none; default 1e-3 */
     dgfem_skin *const *skins; /* render meshes, up to date with the body, that are cut along with it; or NULL */
     int skin_count;
+    dgfem_new_piece_fn new_piece; /* or NULL */
+    void *new_piece_user;
 } dgfem_cut_desc;
 
 typedef struct dgfem_cut_info {

@@ -511,11 +511,13 @@ static dgfem_status dgfemi_cut_finish(dgfemi_edit *edit, dgfem_body *body, const
     dgfemi_arena arena = dgfemi_arena_make(&body->hooks);
     size_t skins = (size_t)desc->skin_count;
     dgfem_skin **cut = (dgfem_skin **)dgfemi_arena_allocate_zero(&arena, skins, sizeof *cut);
+    dgfemi_separation separation;
     dgfemi_renewal renewal;
     if (!cut) return dgfemi_fail_memory(&body->hooks);
     dgfem_status status = dgfemi_renewal_make(&renewal, edit, body);
     if (!status) {
-        status = dgfemi_cut_skins(desc, &renewal.next, blades, count, cut);
+        if (!dgfemi_separation_find(&renewal, &arena, &separation)) status = dgfemi_fail_memory(&body->hooks);
+        if (!status) status = dgfemi_cut_skins(desc, &renewal.next, blades, count, cut);
         if (status) dgfemi_renewal_abort(&renewal);
         else dgfemi_renewal_accept(&renewal);
     }
@@ -525,6 +527,7 @@ static dgfem_status dgfemi_cut_finish(dgfemi_edit *edit, dgfem_body *body, const
         *cut[i] = last;
         dgfem_skin_destroy(cut[i]);
     }
+    if (!status) dgfemi_separation_tell(&separation, body, desc->new_piece, desc->new_piece_user);
     dgfemi_arena_free(&arena);
     return status;
 }

@@ -1,5 +1,6 @@
 #pragma once
 #include "edit.c"
+#include "pieces.c"
 #include "query.c"
 /* Editing a body, second half: everything that the edited mesh needs is made beside the body, which then takes it over.
 
@@ -542,4 +543,56 @@ static dgfem_status dgfemi_edit_finish(dgfemi_edit *edit, dgfem_body *body) {
     dgfem_status status = dgfemi_renewal_make(&renewal, edit, body);
     if (!status) dgfemi_renewal_accept(&renewal);
     return status;
+}
+
+/* ---- pieces that come off ---- */
+
+/* Of what was one piece before the edit the largest stays; the others are new pieces. */
+typedef struct dgfemi_separation {
+    int *piece_of; /* [elements] of the edited body */
+    int *is_new;   /* [pieces] */
+    int *list;     /* [elements] room for the elements of one piece */
+    int count;     /* pieces */
+} dgfemi_separation;
+
+/* Before the renewal is accepted; memory from the arena. 1 on success. */
+static int dgfemi_separation_find(const dgfemi_renewal *r, dgfemi_arena *arena, dgfemi_separation *s) {
+    const dgfem_mesh *old = r->body->mesh, *mesh = r->next.mesh;
+    size_t most = (size_t)(old->element_count > mesh->element_count ? old->element_count : mesh->element_count);
+    int *before = (int *)dgfemi_arena_allocate(arena, (size_t)old->element_count, sizeof(int));
+    s->piece_of = (int *)dgfemi_arena_allocate(arena, (size_t)mesh->element_count, sizeof(int));
+    s->list = (int *)dgfemi_arena_allocate(arena, most, sizeof(int));
+    if (!before || !s->piece_of || !s->list) return 0;
+    int old_count = dgfemi_find_pieces(old, before, s->list);
+    s->count = dgfemi_find_pieces(mesh, s->piece_of, s->list);
+    int *parent = (int *)dgfemi_arena_allocate(arena, (size_t)s->count, sizeof(int));
+    int *largest = (int *)dgfemi_arena_allocate(arena, (size_t)old_count, sizeof(int));
+    dgfem_real *volume = (dgfem_real *)dgfemi_arena_allocate_zero(arena, (size_t)s->count, sizeof *volume);
+    s->is_new = (int *)dgfemi_arena_allocate(arena, (size_t)s->count, sizeof(int));
+    if (!parent || !largest || !volume || !s->is_new) return 0;
+    for (int k = 0; k < old_count; k++) largest[k] = DGFEM_NONE;
+    for (int e = 0; e < mesh->element_count; e++) {
+        volume[s->piece_of[e]] += mesh->elements[e].volume;
+        parent[s->piece_of[e]] = before[dgfemi_field_element(r->edit, &r->edit->fields[r->field[e]])];
+    }
+    for (int k = 0; k < s->count; k++) {
+        int *best = &largest[parent[k]];
+        s->is_new[k] = 1;
+        if (*best == DGFEM_NONE || volume[k] > volume[*best]) *best = k;
+    }
+    for (int k = 0; k < old_count; k++)
+        if (largest[k] != DGFEM_NONE) s->is_new[largest[k]] = 0;
+    return 1;
+}
+
+/* After the renewal was accepted: one call for each new piece. */
+static void dgfemi_separation_tell(const dgfemi_separation *s, const dgfem_body *body, dgfem_new_piece_fn fn,
+                                   void *user) {
+    for (int k = 0; fn && k < s->count; k++) {
+        int count = 0;
+        if (!s->is_new[k]) continue;
+        for (int e = 0; e < body->mesh->element_count; e++)
+            if (s->piece_of[e] == k) s->list[count++] = e;
+        fn(user, body, k, s->list, count);
+    }
 }

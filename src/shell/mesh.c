@@ -93,7 +93,9 @@ static int dgfem_shelli_is_quad(const dgfem_shell_element *element) { return ele
 static int dgfem_shelli_corners(const dgfem_shell_element *element) { return element->node_count / 2; }
 
 static void dgfem_shelli_gather(const dgfem_vec3 *x, const int *nodes, int count, dgfem_vec3 *out) {
-    for (int a = 0; a < count; a++) out[a] = x[nodes[a]];
+    int a = 0;
+    do out[a] = x[nodes[a]]; /* there is always one: compilers see that `out` is set */
+    while (++a < count);
 }
 
 static dgfem_status dgfem_shelli_check_element(const dgfem_hooks *hooks, const dgfem_shell_element *element, int e,
