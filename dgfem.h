@@ -1182,9 +1182,10 @@ typedef void (*dgfem_new_piece_fn)(void *user, const dgfem_body *body, int piece
 typedef struct dgfem_cut_desc {
     unsigned cookie;
     dgfem_real snap;     /* an element of which less than this times its radius lies beyond the blade stays whole; default 1e-3 */
-    dgfem_real smallest; /* the same as a length (m): the larger one counts; default 0 */
     dgfem_real sliver;   /* a part below this times its largest neighbour, in volume or (cubed) thickness, is merged into one
-                            that it is glued to; 0: none; default 1e-3 */
+                            that it is glued to; one that would come off alone is not cut off; 0: neither; default 1e-3 */
+    dgfem_real smallest; /* the same as a length (m): parts thinner than this, across the blade or as volume over largest
+                            face; default 0 */
     dgfem_skin *const *skins; /* render meshes, up to date with the body, that are cut along with it; or NULL */
     int skin_count;
     dgfem_new_piece_fn new_piece; /* or NULL */
@@ -5971,6 +5972,7 @@ typedef struct dgfemi_merge_rule {
     dgfem_real volume; /* elements smaller than this are slivers, */
     dgfem_real
         ratio; /* and those that this times the largest glued neighbour exceeds, in volume or, cubed, in thickness */
+    dgfem_real thickness;  /* elements thinner than this (volume over largest face) are slivers, too */
     const char *candidate; /* [element_count] 1: may be merged into a neighbour; or NULL: all may */
     int (*allows)(const void *user, int a, int b); /* NULL: all pairs; the arguments are tags */
     const void *user;
@@ -6038,20 +6040,26 @@ static dgfem_real dgfemi_mesh_thickness(const dgfem_mesh *mesh, int element) {
     return largest > 0 ? e->volume / largest : 0;
 }
 
+/* Whether the element is a sliver beside one of this volume. */
+static int dgfemi_is_sliver_of(const dgfem_mesh *mesh, int element, dgfem_real volume, dgfem_real ratio) {
+    dgfem_real thickness = dgfemi_mesh_thickness(mesh, element);
+    return mesh->elements[element].volume < ratio * volume ||
+           thickness * thickness * thickness < ratio * ratio * ratio * volume;
+}
+
 static int dgfemi_is_sliver(const dgfem_mesh *mesh, const dgfemi_merge_rule *rule, int element) {
     const dgfem_element *e = &mesh->elements[element];
-    dgfem_real largest = 0, thickness;
+    dgfem_real largest = 0;
     int k;
     if (e->face_count == 0 || (rule->candidate && !rule->candidate[element])) return 0;
     if (e->volume < rule->volume) return 1;
+    if (rule->thickness > 0 && dgfemi_mesh_thickness(mesh, element) < rule->thickness) return 1;
     if (!(rule->ratio > 0)) return 0;
     for (k = e->face_start; k < e->face_start + e->face_count; k++) {
         int f = mesh->element_faces[k], other = dgfemi_mesh_other_side(mesh, element, f);
         if (other != DGFEM_NONE && !mesh->faces[f].cut) largest = dgfemi_max(largest, mesh->elements[other].volume);
     }
-    if (e->volume < rule->ratio * largest) return 1;
-    thickness = dgfemi_mesh_thickness(mesh, element) / rule->ratio;
-    return thickness * thickness * thickness < largest;
+    return dgfemi_is_sliver_of(mesh, element, largest, rule->ratio);
 }
 
 /* ---- neighbours ---- */
@@ -16453,12 +16461,13 @@ static dgfem_status dgfemi_edit_merge_by(dgfemi_edit *edit, const dgfemi_merge_r
     return status;
 }
 
-/* Merges the parts of elements that were split (all: all elements) that are slivers by the ratio, and counts
-   them. */
-static dgfem_status dgfemi_edit_merge(dgfemi_edit *edit, dgfem_real ratio, int all, int *merged) {
+/* Merges the parts of elements that were split (all: all elements) that are slivers by the ratio or thinner than
+   `thickness`, and counts them. */
+static dgfem_status dgfemi_edit_merge(dgfemi_edit *edit, dgfem_real ratio, dgfem_real thickness, int all, int *merged) {
     dgfemi_merge_rule rule;
     memset(&rule, 0, sizeof rule);
     rule.ratio = ratio;
+    rule.thickness = thickness;
     rule.allows = dgfemi_edit_allows;
     return dgfemi_edit_merge_by(edit, &rule, all, merged);
 }
@@ -17530,7 +17539,7 @@ DGFEM_API dgfem_status dgfem_body_merge_slivers(dgfem_body *body, dgfem_real rat
                            (double)ratio);
     dgfem_status status = dgfemi_edit_begin(&edit, body);
     if (status) return status;
-    if (ratio > 0) status = dgfemi_edit_merge(&edit, ratio, 1, &count);
+    if (ratio > 0) status = dgfemi_edit_merge(&edit, ratio, 0, 1, &count);
     if (!status && count > 0) status = dgfemi_edit_finish(&edit, body);
     dgfemi_edit_free(&edit);
     if (!status && merged) *merged = count;
@@ -17789,7 +17798,7 @@ static dgfem_status dgfemi_fracture(dgfemi_edit *edit, const dgfem_fracture_desc
     } else status = dgfemi_fail_memory(&body->hooks);
     dgfemi_arena_free(&arena);
     if (!status && desc->sliver > 0 && info->elements_split > 0)
-        status = dgfemi_edit_merge(edit, desc->sliver, 0, &info->slivers_merged);
+        status = dgfemi_edit_merge(edit, desc->sliver, 0, 0, &info->slivers_merged);
     return status;
 }
 
@@ -19916,7 +19925,7 @@ typedef struct dgfemi_straddler {
 typedef struct dgfemi_cutter {
     dgfemi_edit *edit;
     const dgfemi_blade *blade;
-    dgfem_real snap, smallest; /* as in dgfem_cut_desc */
+    dgfem_real snap, smallest, sliver; /* as in dgfem_cut_desc */
     dgfemi_splitter splitter;
     signed char *side; /* [elements] -1, 0 not concerned, 1 */
     int side_capacity, side_count;
@@ -20234,6 +20243,44 @@ static int dgfemi_cutter_list_walls(dgfemi_cutter *cutter) {
     return 1;
 }
 
+static int dgfemi_cutter_is_wall(const dgfemi_cutter *cutter, const dgfem_face *face) {
+    return !face->cut && cutter->side[face->element[0]] * cutter->side[face->element[1]] < 0;
+}
+
+/* The neighbour that a part should stay with: the one across its largest wall, when the part would be left alone, and
+   be a sliver beside it or too thin; else DGFEM_NONE. */
+static int dgfemi_cutter_keeper(const dgfemi_cutter *cutter, int element) {
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    const dgfem_element *e = &mesh->elements[element];
+    dgfem_real area = 0;
+    int keeper = DGFEM_NONE;
+    for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        if (face->element[1] == DGFEM_NONE || face->cut) continue;
+        if (!dgfemi_cutter_is_wall(cutter, face)) return DGFEM_NONE;
+        if (face->area > area) area = face->area, keeper = face->element[face->element[0] == element];
+    }
+    if (keeper == DGFEM_NONE) return DGFEM_NONE;
+    if (dgfemi_is_sliver_of(mesh, element, mesh->elements[keeper].volume, cutter->sliver) ||
+        dgfemi_mesh_thickness(mesh, element) < cutter->smallest)
+        return keeper;
+    return DGFEM_NONE;
+}
+
+/* Crumbs change sides: glued to what they would have been cut from they can be merged with it. 1 on success. */
+static int dgfemi_cutter_keep_crumbs(dgfemi_cutter *cutter) {
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    int kept = 0;
+    for (int w = 0; w < cutter->walls.count; w++)
+        for (int s = 0; s < 2; s++) {
+            int element = mesh->faces[cutter->walls.data[w]].element[s], keeper = dgfemi_cutter_keeper(cutter, element);
+            if (keeper == DGFEM_NONE) continue;
+            cutter->side[element] = cutter->side[keeper];
+            kept = 1;
+        }
+    return !kept || dgfemi_cutter_list_walls(cutter);
+}
+
 static dgfem_vec3 dgfemi_cutter_place(const dgfemi_cutter *cutter, int element, dgfem_vec3 x) {
     return dgfemi_field_map(cutter->edit, dgfemi_field_of(cutter->edit, element), x, NULL);
 }
@@ -20324,7 +20371,7 @@ static dgfem_status dgfemi_cutter_apply(dgfemi_cutter *cutter, const dgfemi_blad
     for (int i = 0; !status && i < cutter->straddler_count; i++)
         if (!cutter->straddlers[i].done) status = dgfemi_cutter_split_group(cutter, i);
     if (status) return status;
-    if (!dgfemi_cutter_list_walls(cutter)) return dgfemi_fail_memory(hooks);
+    if (!dgfemi_cutter_list_walls(cutter) || !dgfemi_cutter_keep_crumbs(cutter)) return dgfemi_fail_memory(hooks);
     if (blade->polygon) status = dgfemi_cutter_divide_walls(cutter);
     for (int w = 0; !status && w < cutter->walls.count; w++) {
         dgfem_face *face = &cutter->edit->mesh->faces[cutter->walls.data[w]];
@@ -20425,11 +20472,12 @@ static dgfem_status dgfemi_body_cut(dgfem_body *body, const dgfemi_blade *blades
     memset(info, 0, sizeof *info);
     if (status) return status;
     dgfemi_cutter_make(&cutter, &edit);
-    cutter.snap = desc->snap, cutter.smallest = desc->smallest;
+    cutter.snap = desc->snap, cutter.smallest = desc->smallest, cutter.sliver = desc->sliver;
     for (int b = 0; !status && b < count; b++) status = dgfemi_cutter_apply(&cutter, &blades[b]);
     info->elements_split = cutter.elements_split, info->faces_cut = cutter.faces_cut;
     dgfemi_cutter_free(&cutter);
-    if (!status && desc->sliver > 0) status = dgfemi_edit_merge(&edit, desc->sliver, 0, &info->slivers_merged);
+    if (!status && (desc->sliver > 0 || desc->smallest > 0))
+        status = dgfemi_edit_merge(&edit, desc->sliver, desc->smallest, 0, &info->slivers_merged);
     if (!status && info->faces_cut > 0) status = dgfemi_cut_finish(&edit, body, blades, count, desc);
     dgfemi_edit_free(&edit);
     if (status || info->faces_cut == 0) memset(info, 0, sizeof *info);

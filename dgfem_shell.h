@@ -120,8 +120,7 @@
    - dgfem_shell_solve_static converges for loads that turn the shell by some 60 degrees in one part; take load steps.
      Past limit points it cannot go under load: prescribe displacements or take time steps.
    - A step is as stable as implicit Euler for any dt, but it stops iterating after step_iterations: watch the residual.
-     In unstable states (a buckling shell) with dt too long to resolve them it falls back to frozen rotations and converges
-     slowly. Implicit Euler damps: a motion of angular frequency w loses about dt w^2 / 2 of its amplitude per time.
+     In unstable states (a buckling shell) with dt too long to resolve them it converges slowly. Implicit Euler damps: a motion of angular frequency w loses about dt w^2 / 2 of its amplitude per time.
    - Cuts make small triangles. Those cost accuracy and condition, not stability; `snap` keeps the smallest away.
    - A linear shell (corotational 0) is solved by one factorization, however thin.
 
@@ -401,7 +400,7 @@ DGFEM_API dgfem_status dgfem_shell_move_shape(dgfem_shell *shell, int id, const 
 /* ---- motion ---- */
 
 /* One step of implicit Euler with Newton iterations on the consistent tangent; where that is not positive definite, with
-   frozen rotations. It ends after step_iterations at the latest and takes what it has: info (may be NULL) tells the
+   mass added. It ends after step_iterations at the latest and takes what it has: info (may be NULL) tells the
    residual. Nothing is allocated. On failure nothing has changed. */
 DGFEM_API dgfem_status dgfem_shell_step(dgfem_shell *shell, dgfem_real dt, dgfem_shell_info *info);
 
@@ -3721,19 +3720,31 @@ static void dgfem_shelli_assemble_step(const dgfem_shell *shell, dgfem_real h, c
     dgfem_shelli_hold_matrix(shell);
 }
 
+/* Factors the matrix of a step. Where a buckling shell makes it indefinite, more and more mass is added, as if the step
+   were shorter, and at last rotations are frozen. */
+static dgfem_status dgfem_shelli_factor_step(dgfem_shell *shell, dgfem_real h, const dgfem_vec3 *x, const dgfem_vec3 *v,
+                                             dgfem_shell_info *info) {
+    double start = dgfem_shelli_clock(&shell->hooks);
+    dgfem_real mass = 1;
+    dgfem_shelli_assemble_step(shell, h, x, v, shell->desc.corotational);
+    info->seconds_assemble += dgfem_shelli_clock(&shell->hooks) - start;
+    dgfem_status status = dgfem_shelli_factor(shell, info);
+    for (int k = 0; k < 5 && status == DGFEM_ERROR_NOT_POSITIVE_DEFINITE; k++, mass *= 4) {
+        dgfem_shelli_assemble_mass(shell, mass);
+        dgfem_shelli_hold_matrix(shell);
+        info->shifts++;
+        status = dgfem_shelli_factor(shell, info);
+    }
+    if (status != DGFEM_ERROR_NOT_POSITIVE_DEFINITE) return status;
+    dgfem_shelli_assemble_step(shell, h, x, v, 0);
+    return dgfem_shelli_factor_shifted(shell, info);
+}
+
 static dgfem_status dgfem_shelli_step_solve(dgfem_shell *shell, dgfem_real h, const dgfem_vec3 *x, dgfem_vec3 *v,
                                             dgfem_shell_info *info) {
     dgfem_vec3 *r = dgfem_shelli_vector(shell, DGFEM_SHELLI_RESIDUAL);
     dgfem_vec3 *solution = dgfem_shelli_vector(shell, DGFEM_SHELLI_SOLUTION);
-    dgfem_status status = DGFEM_ERROR_NOT_POSITIVE_DEFINITE;
-    for (int spins = shell->desc.corotational; spins >= 0 && status == DGFEM_ERROR_NOT_POSITIVE_DEFINITE; spins--) {
-        double start = dgfem_shelli_clock(&shell->hooks);
-        dgfem_shelli_assemble_step(shell, h, x, v, spins);
-        info->seconds_assemble += dgfem_shelli_clock(&shell->hooks) - start;
-        info->shifts += spins < shell->desc.corotational;
-        status = dgfem_shelli_factor(shell, info);
-    }
-    if (status) status = dgfem_shelli_factor_shifted(shell, info);
+    dgfem_status status = dgfem_shelli_factor_step(shell, h, x, v, info);
     if (!status) status = dgfem_shelli_solve(shell, r, solution, info);
     if (status) return status;
     dgfem_shelli_hold_vector(shell, solution);

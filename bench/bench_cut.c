@@ -1,6 +1,7 @@
 /* What a cut costs. Time against the number k of elements that a blade splits, on a bunny of 20 cells, beside making the
-   body anew; then, on the demo's bunny of 11 cells, the step that cuts beside an ordinary one. The shape is
-   build/bunny.obj where it exists, else one made here. Best of several runs; milliseconds. */
+   body anew: geometry and integrals (the body has PCG for a solver), and with the symbolic analysis for Cholesky's. Then,
+   on the demo's bunny of 11 cells, the step that cuts beside an ordinary one. The shape is build/bunny.obj where it
+   exists, else one made here. Best of several runs; milliseconds. */
 #define DGFEM_IMPLEMENTATION
 #include "dgfem.h"
 
@@ -10,24 +11,26 @@
 
 enum { RUNS = 5 };
 
-static dgfem_mesh *slice(const formats_surface *surface, int cells) {
+static dgfem_mesh *slice(const formats_surface *surface, int cells, double sliver) {
     dgfem_slice_desc desc = dgfem_default_slice_desc();
     dgfem_mesh *mesh = NULL;
     desc.vertices = dgfem_points_in_double(surface->vertices, surface->vertex_count);
     desc.triangles = surface->triangles;
     desc.triangle_count = surface->triangle_count;
     desc.cells = cells;
+    desc.sliver = (dgfem_real)sliver;
     desc.hooks = program_hooks();
     return dgfem_mesh_create_slices(&desc, &mesh) ? NULL : mesh;
 }
 
 /* Takes the mesh over. */
-static dgfem_body *make_body(dgfem_mesh *mesh) {
+static dgfem_body *make_body(dgfem_mesh *mesh, dgfem_solver solver) {
     dgfem_body_desc desc = dgfem_default_body_desc();
     dgfem_body *body = NULL;
     if (!mesh) return NULL;
     desc.mesh = mesh;
     desc.material.young = DGFEM_R(4e5);
+    desc.solver = solver;
     desc.hooks = program_hooks();
     if (dgfem_body_create(&desc, &body)) {
         dgfem_mesh_destroy(mesh);
@@ -36,9 +39,9 @@ static dgfem_body *make_body(dgfem_mesh *mesh) {
     return body;
 }
 
-static dgfem_body *copy_body(const dgfem_mesh *mesh) {
+static dgfem_body *copy_body(const dgfem_mesh *mesh, dgfem_solver solver) {
     dgfem_mesh *copy = NULL;
-    return dgfem_mesh_copy(mesh, &copy) ? NULL : make_body(copy);
+    return dgfem_mesh_copy(mesh, &copy) ? NULL : make_body(copy, solver);
 }
 
 static dgfem_skin *make_skin(const dgfem_body *body, const formats_surface *surface) {
@@ -63,27 +66,25 @@ static void make_blade(double reach, dgfem_vec3 corners[4]) {
 }
 
 typedef struct times {
-    double cut, again, step;  /* the cut, the body anew from the mesh that the cut left, the step after it */
+    double cut, anew; /* the cut, and a body made anew from the mesh that the cut left */
     int k, faces, elements;
 } times;
 
-static int measure(const dgfem_mesh *mesh, double reach, times *t) {
-    dgfem_vec3 corners[4];
+static int measure(const dgfem_mesh *mesh, dgfem_solver solver, double reach, times *t) {
+    dgfem_mat3 turn = {{{0, DGFEM_R(-1e-3), 0}, {DGFEM_R(1e-3), 0, 0}, {0, DGFEM_R(2e-3), 0}}};
+    dgfem_vec3 corners[4], shift = {0, 0, 0};
     make_blade(reach, corners);
-    t->cut = t->again = t->step = 1e300;
+    t->cut = t->anew = 1e300;
     for (int run = 0; run < RUNS; run++) {
         dgfem_cut_info info;
-        dgfem_body *body = copy_body(mesh), *other = NULL;
-        if (!body || dgfem_body_step(body, DGFEM_R(1e-4), NULL)) return dgfem_body_destroy(body), 0;
+        dgfem_body *body = copy_body(mesh, solver), *other = NULL;
+        if (!body || dgfem_body_set_affine(body, turn, shift)) return dgfem_body_destroy(body), 0;
         double start = program_seconds();
         dgfem_status status = dgfem_body_cut_polygon(body, dgfem_points_in_vec3(corners, 4), NULL, &info);
         t->cut = fmin(t->cut, program_seconds() - start);
         start = program_seconds();
-        if (!status) status = dgfem_body_step(body, DGFEM_R(1e-4), NULL);
-        t->step = fmin(t->step, program_seconds() - start);
-        start = program_seconds();
-        if (!status) other = copy_body(body->mesh);
-        t->again = fmin(t->again, program_seconds() - start);
+        if (!status) other = copy_body(body->mesh, solver);
+        t->anew = fmin(t->anew, program_seconds() - start);
         t->k = info.elements_split, t->faces = info.faces_cut, t->elements = body->mesh->element_count;
         int ok = other != NULL;
         dgfem_body_destroy(other);
@@ -95,15 +96,17 @@ static int measure(const dgfem_mesh *mesh, double reach, times *t) {
 
 static void bench_size(const formats_surface *surface) {
     static const double reach[] = {0.01, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.5, 2};
-    dgfem_mesh *mesh = slice(surface, 20);
+    dgfem_mesh *mesh = slice(surface, 20, 0);
     if (!mesh) return;
     printf("bunny of 20 cells, %d elements\n", mesh->element_count);
-    printf("      k  faces cut  elements       cut     per k  body anew  step after\n");
+    printf("                              geometry and integrals     with symbolic analysis\n");
+    printf("    k  faces cut  elements       cut    body anew          cut    body anew\n");
     for (size_t i = 0; i < sizeof reach / sizeof *reach; i++) {
-        times t;
-        if (!measure(mesh, reach[i], &t)) break;
-        printf("  %5d      %5d     %5d  %8.2f  %8.3f   %8.2f    %8.2f\n", t.k, t.faces, t.elements, 1e3 * t.cut,
-               1e3 * t.cut / (t.k ? t.k : 1), 1e3 * t.again, 1e3 * t.step);
+        times t, c;
+        if (!measure(mesh, DGFEM_SOLVER_PCG, reach[i], &t) || !measure(mesh, DGFEM_SOLVER_CHOLESKY, reach[i], &c))
+            break;
+        printf("%5d      %5d     %5d  %8.2f     %8.2f     %8.2f     %8.2f\n", t.k, t.faces, t.elements, 1e3 * t.cut,
+               1e3 * t.anew, 1e3 * c.cut, 1e3 * c.anew);
     }
     dgfem_mesh_destroy(mesh);
 }
@@ -114,7 +117,7 @@ static void bench_step(const formats_surface *surface, int with_skin) {
     double ordinary = 1e300, cutting = 1e300, cut = 1e300;
     int split = 0, elements = 0;
     for (int run = 0; run < RUNS; run++) {
-        dgfem_body *body = make_body(slice(surface, 11));
+        dgfem_body *body = make_body(slice(surface, 11, 1e-3), DGFEM_SOLVER_CHOLESKY);
         dgfem_skin *skin = body && with_skin ? make_skin(body, surface) : NULL;
         dgfem_cut_desc desc = dgfem_default_cut_desc();
         dgfem_plane plane = {{DGFEM_R(0.5), DGFEM_R(0.3), DGFEM_R(0.8)}, DGFEM_R(0.35)};

@@ -1,5 +1,6 @@
 #!/bin/sh
 # pictures.sh demo    renders what `make demo` left in build/demo/; without f3d and xvfb it says so and is content
+# pictures.sh shells  runs the examples of shells and renders their pictures
 # pictures.sh all     runs the examples and renders examples/pictures/*.png
 # Run it from the top of the repository, after `make examples`.
 set -u
@@ -43,6 +44,21 @@ bar() {
         --camera-azimuth-angle="$5" --camera-elevation-angle=15 --camera-view-angle="$6"
 }
 
+# shell FILE PICTURE AZIMUTH ELEVATION: one shell, from the side.
+shell() {
+    shot "$1" "$2" --resolution=640,640 --roughness=0.5 --camera-azimuth-angle="$3" --camera-elevation-angle="$4"
+}
+
+shells() {
+    mkdir -p build/pictures/shells
+    build/examples/shell_buckling --out build/pictures/shells > build/pictures/shells/buckling.txt || return 1
+    build/examples/shell_sheet --out build/pictures/shells > build/pictures/shells/sheet.txt || return 1
+    build/examples/shell_sheet --can --out build/pictures/shells > build/pictures/shells/can.txt || return 1
+    shell build/pictures/shells/buckling_0005.obj examples/pictures/shell_buckling.png 25 12 || return 1
+    shell build/pictures/shells/sheet_0013.obj examples/pictures/shell_sheet.png 60 10 || return 1
+    shell build/pictures/shells/can_0010.obj examples/pictures/shell_can.png 25 20 || return 1
+}
+
 can_draw() { command -v f3d > /dev/null && command -v xvfb-run > /dev/null; }
 
 all() {
@@ -50,6 +66,7 @@ all() {
     build/examples/bunny --model build/bunny.obj --out build/pictures/bunny > build/pictures/bunny.txt || return 1
     scene build/pictures/bunny examples/pictures/bunny.png || return 1
     elements build/pictures/bunny examples/pictures/elements.png || return 1
+    shells || return 1
     build/examples/adaptive_bar --vtu build/pictures/eight.vtu > build/pictures/eight.txt || return 1
     bar build/pictures/eight.vtu stress examples/pictures/adaptive_bar_eight.png 0,12000 -25 17 || return 1
     build/examples/adaptive_bar --how two --vtu build/pictures/two.vtu > build/pictures/two.txt || return 1
@@ -65,8 +82,8 @@ case ${1:-} in
         elements build/demo build/demo/elements.png
         exit 0
         ;;
-    all)
-        can_draw && all && exit 0
+    all | shells)
+        can_draw && $1 && exit 0
         echo "pictures: not all could be rendered"
         exit 1
         ;;

@@ -170,7 +170,7 @@ int main(int argc, char **argv) {
     b.along = program_int(&p, "--along", 31, 1, 400);
     b.thickness = program_real(&p, "--thickness", 0.02);
     double eta = program_real(&p, "--eta", 2), shortening = program_real(&p, "--shortening", 0.03);
-    double seconds = program_real(&p, "--seconds", 0.3), dt = program_real(&p, "--dt", 0.003);
+    double seconds = program_real(&p, "--seconds", 0.04), dt = program_real(&p, "--dt", 0.0004);
     const char *folder = program_text(&p, "--out", NULL), *csv = program_text(&p, "--csv", NULL);
     program_end(&p);
     if (!create(&b, eta)) return 1;
@@ -201,7 +201,7 @@ int main(int argc, char **argv) {
         now = load(&b, force);
         if (now > peak) peak = now;
         iterations += info.iterations, shifts += info.shifts;
-        if (table) fprintf(table, "%g,%g,%d,%g\n", s, now / classical, info.iterations, (double)info.residual);
+        if (table) fflush(table), fprintf(table, "%g,%g,%d,%g\n", s, now / classical, info.iterations, (double)info.residual);
         if (folder && (step == steps || step % 20 == 0) && !write_frame(&b, folder, step / 20)) return 1;
         program_show_progress(&progress, step, steps, NULL);
     }

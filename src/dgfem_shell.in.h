@@ -120,8 +120,7 @@
    - dgfem_shell_solve_static converges for loads that turn the shell by some 60 degrees in one part; take load steps.
      Past limit points it cannot go under load: prescribe displacements or take time steps.
    - A step is as stable as implicit Euler for any dt, but it stops iterating after step_iterations: watch the residual.
-     In unstable states (a buckling shell) with dt too long to resolve them it falls back to frozen rotations and converges
-     slowly. Implicit Euler damps: a motion of angular frequency w loses about dt w^2 / 2 of its amplitude per time.
+     In unstable states (a buckling shell) with dt too long to resolve them it converges slowly. Implicit Euler damps: a motion of angular frequency w loses about dt w^2 / 2 of its amplitude per time.
    - Cuts make small triangles. Those cost accuracy and condition, not stability; `snap` keeps the smallest away.
    - A linear shell (corotational 0) is solved by one factorization, however thin.
 

@@ -569,6 +569,78 @@ static void test_random_cuts(void **state) {
     }
 }
 
+/* ---- slivers ---- */
+
+/* x = m^-1 x for n right-hand sides of three numbers; m symmetric, positive definite, overwritten. */
+static void solve_dense(double *m, int n, double *x) {
+    for (int k = 0; k < n; k++)
+        for (int i = k + 1; i < n; i++) {
+            double factor = m[i * n + k] / m[k * n + k];
+            for (int j = k; j < n; j++) m[i * n + j] -= factor * m[k * n + j];
+            for (int c = 0; c < 3; c++) x[3 * i + c] -= factor * x[3 * k + c];
+        }
+    for (int i = n - 1; i >= 0; i--)
+        for (int c = 0; c < 3; c++) {
+            for (int j = i + 1; j < n; j++) x[3 * i + c] -= m[i * n + j] * x[3 * j + c];
+            x[3 * i + c] /= m[i * n + i];
+        }
+}
+
+/* 2 / (highest angular frequency), by power iteration with M^-1 K: what an explicit method could step. */
+static double stable_step(dgfem_body *body, check_random *random) {
+    size_t n = (size_t)body->basis_count;
+    dgfem_vec3 *f = (dgfem_vec3 *)malloc(n * sizeof *f);
+    double lambda = 1;
+    for (size_t i = 0; i < n; i++) body->displacement[i] = check_random_vec3(random, -1, 1);
+    for (int k = 0; k < 100; k++) {
+        check_status(dgfem_body_internal_force(body, f), DGFEM_OK);
+        lambda = 0;
+        for (int e = 0; e < body->mesh->element_count; e++) {
+            dgfem_real mass[16];
+            double m[16], x[12];
+            dgfem_vec3 *v = f + body->basis_start[e];
+            check_status(dgfem_body_element_mass(body, e, mass), DGFEM_OK);
+            for (int i = 0; i < 16; i++) m[i] = (double)mass[i];
+            for (int i = 0; i < 4; i++)
+                x[3 * i] = (double)v[i].x, x[3 * i + 1] = (double)v[i].y, x[3 * i + 2] = (double)v[i].z;
+            solve_dense(m, 4, x);
+            for (int i = 0; i < 12; i++) lambda += x[i] * x[i];
+            for (int i = 0; i < 4; i++) v[i] = vec3(x[3 * i], x[3 * i + 1], x[3 * i + 2]);
+        }
+        lambda = sqrt(lambda);
+        for (size_t i = 0; i < n; i++)
+            body->displacement[i] = vec3((double)f[i].x / lambda, (double)f[i].y / lambda, (double)f[i].z / lambda);
+    }
+    memset(body->displacement, 0, n * sizeof *f);
+    free(f);
+    return 2 / sqrt(lambda);
+}
+
+/* Thirty random cuts through one cube leave crumbs without limit, unless a smallest thickness is set: then the stable
+   step stays within a tenth of the cube's. */
+static void test_smallest(void **state) {
+    (void)state;
+    check_random random = check_random_seeded(30);
+    dgfem_body_desc base = soft_desc();
+    dgfem_cut_desc desc = dgfem_default_cut_desc();
+    base.warp = 0;
+    dgfem_body *body = make_box(&base, 1, 1, 1, 1, 1, 1);
+    double whole = stable_step(body, &random);
+    desc.smallest = (dgfem_real)0.1;
+    for (int c = 0; c < 30; c++) {
+        dgfem_vec3 n = check_random_vec3(&random, -1, 1), x = check_random_vec3(&random, 0, 1);
+        check_status(dgfem_body_cut_plane(body, plane((double)n.x, (double)n.y, (double)n.z, dot(n, x)), &desc, NULL),
+                     DGFEM_OK);
+        check_status(dgfem_mesh_check(body->mesh), DGFEM_OK);
+    }
+    check_near(dgfem_mesh_volume(body->mesh), 1, 1000 * quiet);
+    assert_true(piece_count(body, NULL, 0) > 20);
+    double now = stable_step(body, &random);
+    print_message("%d pieces, stable step %.3f of the cube's\n", piece_count(body, NULL, 0), now / whole);
+    assert_true(now >= 0.1 * whole);
+    dgfem_body_destroy(body);
+}
+
 /* ---- refusals ---- */
 
 static void test_bad_blades(void **state) {
@@ -668,6 +740,7 @@ int main(void) {
         cmocka_unit_test(test_conditions_stay),
         cmocka_unit_test(test_forms_are_those_of_a_new_body),
         cmocka_unit_test(test_random_cuts),
+        cmocka_unit_test(test_smallest),
         cmocka_unit_test(test_bad_blades),
         cmocka_unit_test(test_failures_change_nothing),
     };

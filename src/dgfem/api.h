@@ -931,9 +931,10 @@ typedef void (*dgfem_new_piece_fn)(void *user, const dgfem_body *body, int piece
 typedef struct dgfem_cut_desc {
     unsigned cookie;
     dgfem_real snap;     /* an element of which less than this times its radius lies beyond the blade stays whole; default 1e-3 */
-    dgfem_real smallest; /* the same as a length (m): the larger one counts; default 0 */
     dgfem_real sliver;   /* a part below this times its largest neighbour, in volume or (cubed) thickness, is merged into one
-                            that it is glued to; 0: none; default 1e-3 */
+                            that it is glued to; one that would come off alone is not cut off; 0: neither; default 1e-3 */
+    dgfem_real smallest; /* the same as a length (m): parts thinner than this, across the blade or as volume over largest
+                            face; default 0 */
     dgfem_skin *const *skins; /* render meshes, up to date with the body, that are cut along with it; or NULL */
     int skin_count;
     dgfem_new_piece_fn new_piece; /* or NULL */

@@ -31,7 +31,7 @@ typedef struct dgfemi_straddler {
 typedef struct dgfemi_cutter {
     dgfemi_edit *edit;
     const dgfemi_blade *blade;
-    dgfem_real snap, smallest; /* as in dgfem_cut_desc */
+    dgfem_real snap, smallest, sliver; /* as in dgfem_cut_desc */
     dgfemi_splitter splitter;
     signed char *side; /* [elements] -1, 0 not concerned, 1 */
     int side_capacity, side_count;
@@ -349,6 +349,44 @@ static int dgfemi_cutter_list_walls(dgfemi_cutter *cutter) {
     return 1;
 }
 
+static int dgfemi_cutter_is_wall(const dgfemi_cutter *cutter, const dgfem_face *face) {
+    return !face->cut && cutter->side[face->element[0]] * cutter->side[face->element[1]] < 0;
+}
+
+/* The neighbour that a part should stay with: the one across its largest wall, when the part would be left alone, and
+   be a sliver beside it or too thin; else DGFEM_NONE. */
+static int dgfemi_cutter_keeper(const dgfemi_cutter *cutter, int element) {
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    const dgfem_element *e = &mesh->elements[element];
+    dgfem_real area = 0;
+    int keeper = DGFEM_NONE;
+    for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        if (face->element[1] == DGFEM_NONE || face->cut) continue;
+        if (!dgfemi_cutter_is_wall(cutter, face)) return DGFEM_NONE;
+        if (face->area > area) area = face->area, keeper = face->element[face->element[0] == element];
+    }
+    if (keeper == DGFEM_NONE) return DGFEM_NONE;
+    if (dgfemi_is_sliver_of(mesh, element, mesh->elements[keeper].volume, cutter->sliver) ||
+        dgfemi_mesh_thickness(mesh, element) < cutter->smallest)
+        return keeper;
+    return DGFEM_NONE;
+}
+
+/* Crumbs change sides: glued to what they would have been cut from they can be merged with it. 1 on success. */
+static int dgfemi_cutter_keep_crumbs(dgfemi_cutter *cutter) {
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    int kept = 0;
+    for (int w = 0; w < cutter->walls.count; w++)
+        for (int s = 0; s < 2; s++) {
+            int element = mesh->faces[cutter->walls.data[w]].element[s], keeper = dgfemi_cutter_keeper(cutter, element);
+            if (keeper == DGFEM_NONE) continue;
+            cutter->side[element] = cutter->side[keeper];
+            kept = 1;
+        }
+    return !kept || dgfemi_cutter_list_walls(cutter);
+}
+
 static dgfem_vec3 dgfemi_cutter_place(const dgfemi_cutter *cutter, int element, dgfem_vec3 x) {
     return dgfemi_field_map(cutter->edit, dgfemi_field_of(cutter->edit, element), x, NULL);
 }
@@ -439,7 +477,7 @@ static dgfem_status dgfemi_cutter_apply(dgfemi_cutter *cutter, const dgfemi_blad
     for (int i = 0; !status && i < cutter->straddler_count; i++)
         if (!cutter->straddlers[i].done) status = dgfemi_cutter_split_group(cutter, i);
     if (status) return status;
-    if (!dgfemi_cutter_list_walls(cutter)) return dgfemi_fail_memory(hooks);
+    if (!dgfemi_cutter_list_walls(cutter) || !dgfemi_cutter_keep_crumbs(cutter)) return dgfemi_fail_memory(hooks);
     if (blade->polygon) status = dgfemi_cutter_divide_walls(cutter);
     for (int w = 0; !status && w < cutter->walls.count; w++) {
         dgfem_face *face = &cutter->edit->mesh->faces[cutter->walls.data[w]];
@@ -540,11 +578,12 @@ static dgfem_status dgfemi_body_cut(dgfem_body *body, const dgfemi_blade *blades
     memset(info, 0, sizeof *info);
     if (status) return status;
     dgfemi_cutter_make(&cutter, &edit);
-    cutter.snap = desc->snap, cutter.smallest = desc->smallest;
+    cutter.snap = desc->snap, cutter.smallest = desc->smallest, cutter.sliver = desc->sliver;
     for (int b = 0; !status && b < count; b++) status = dgfemi_cutter_apply(&cutter, &blades[b]);
     info->elements_split = cutter.elements_split, info->faces_cut = cutter.faces_cut;
     dgfemi_cutter_free(&cutter);
-    if (!status && desc->sliver > 0) status = dgfemi_edit_merge(&edit, desc->sliver, 0, &info->slivers_merged);
+    if (!status && (desc->sliver > 0 || desc->smallest > 0))
+        status = dgfemi_edit_merge(&edit, desc->sliver, desc->smallest, 0, &info->slivers_merged);
     if (!status && info->faces_cut > 0) status = dgfemi_cut_finish(&edit, body, blades, count, desc);
     dgfemi_edit_free(&edit);
     if (status || info->faces_cut == 0) memset(info, 0, sizeof *info);

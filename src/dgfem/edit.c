@@ -342,12 +342,13 @@ static dgfem_status dgfemi_edit_merge_by(dgfemi_edit *edit, const dgfemi_merge_r
     return status;
 }
 
-/* Merges the parts of elements that were split (all: all elements) that are slivers by the ratio, and counts
-   them. */
-static dgfem_status dgfemi_edit_merge(dgfemi_edit *edit, dgfem_real ratio, int all, int *merged) {
+/* Merges the parts of elements that were split (all: all elements) that are slivers by the ratio or thinner than
+   `thickness`, and counts them. */
+static dgfem_status dgfemi_edit_merge(dgfemi_edit *edit, dgfem_real ratio, dgfem_real thickness, int all, int *merged) {
     dgfemi_merge_rule rule;
     memset(&rule, 0, sizeof rule);
     rule.ratio = ratio;
+    rule.thickness = thickness;
     rule.allows = dgfemi_edit_allows;
     return dgfemi_edit_merge_by(edit, &rule, all, merged);
 }

@@ -250,7 +250,7 @@ static dgfem_status dgfemi_fracture(dgfemi_edit *edit, const dgfem_fracture_desc
     } else status = dgfemi_fail_memory(&body->hooks);
     dgfemi_arena_free(&arena);
     if (!status && desc->sliver > 0 && info->elements_split > 0)
-        status = dgfemi_edit_merge(edit, desc->sliver, 0, &info->slivers_merged);
+        status = dgfemi_edit_merge(edit, desc->sliver, 0, 0, &info->slivers_merged);
     return status;
 }
 

@@ -13,6 +13,7 @@ typedef struct dgfemi_merge_rule {
     dgfem_real volume; /* elements smaller than this are slivers, */
     dgfem_real
         ratio; /* and those that this times the largest glued neighbour exceeds, in volume or, cubed, in thickness */
+    dgfem_real thickness;  /* elements thinner than this (volume over largest face) are slivers, too */
     const char *candidate; /* [element_count] 1: may be merged into a neighbour; or NULL: all may */
     int (*allows)(const void *user, int a, int b); /* NULL: all pairs; the arguments are tags */
     const void *user;
@@ -80,20 +81,26 @@ static dgfem_real dgfemi_mesh_thickness(const dgfem_mesh *mesh, int element) {
     return largest > 0 ? e->volume / largest : 0;
 }
 
+/* Whether the element is a sliver beside one of this volume. */
+static int dgfemi_is_sliver_of(const dgfem_mesh *mesh, int element, dgfem_real volume, dgfem_real ratio) {
+    dgfem_real thickness = dgfemi_mesh_thickness(mesh, element);
+    return mesh->elements[element].volume < ratio * volume ||
+           thickness * thickness * thickness < ratio * ratio * ratio * volume;
+}
+
 static int dgfemi_is_sliver(const dgfem_mesh *mesh, const dgfemi_merge_rule *rule, int element) {
     const dgfem_element *e = &mesh->elements[element];
-    dgfem_real largest = 0, thickness;
+    dgfem_real largest = 0;
     int k;
     if (e->face_count == 0 || (rule->candidate && !rule->candidate[element])) return 0;
     if (e->volume < rule->volume) return 1;
+    if (rule->thickness > 0 && dgfemi_mesh_thickness(mesh, element) < rule->thickness) return 1;
     if (!(rule->ratio > 0)) return 0;
     for (k = e->face_start; k < e->face_start + e->face_count; k++) {
         int f = mesh->element_faces[k], other = dgfemi_mesh_other_side(mesh, element, f);
         if (other != DGFEM_NONE && !mesh->faces[f].cut) largest = dgfemi_max(largest, mesh->elements[other].volume);
     }
-    if (e->volume < rule->ratio * largest) return 1;
-    thickness = dgfemi_mesh_thickness(mesh, element) / rule->ratio;
-    return thickness * thickness * thickness < largest;
+    return dgfemi_is_sliver_of(mesh, element, largest, rule->ratio);
 }
 
 /* ---- neighbours ---- */

@@ -430,7 +430,7 @@ DGFEM_API dgfem_status dgfem_body_merge_slivers(dgfem_body *body, dgfem_real rat
                            (double)ratio);
     dgfem_status status = dgfemi_edit_begin(&edit, body);
     if (status) return status;
-    if (ratio > 0) status = dgfemi_edit_merge(&edit, ratio, 1, &count);
+    if (ratio > 0) status = dgfemi_edit_merge(&edit, ratio, 0, 1, &count);
     if (!status && count > 0) status = dgfemi_edit_finish(&edit, body);
     dgfemi_edit_free(&edit);
     if (!status && merged) *merged = count;

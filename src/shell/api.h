@@ -239,7 +239,7 @@ DGFEM_API dgfem_status dgfem_shell_move_shape(dgfem_shell *shell, int id, const 
 /* ---- motion ---- */
 
 /* One step of implicit Euler with Newton iterations on the consistent tangent; where that is not positive definite, with
-   frozen rotations. It ends after step_iterations at the latest and takes what it has: info (may be NULL) tells the
+   mass added. It ends after step_iterations at the latest and takes what it has: info (may be NULL) tells the
    residual. Nothing is allocated. On failure nothing has changed. */
 DGFEM_API dgfem_status dgfem_shell_step(dgfem_shell *shell, dgfem_real dt, dgfem_shell_info *info);
 

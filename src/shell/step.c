@@ -169,19 +169,31 @@ static void dgfem_shelli_assemble_step(const dgfem_shell *shell, dgfem_real h, c
     dgfem_shelli_hold_matrix(shell);
 }
 
+/* Factors the matrix of a step. Where a buckling shell makes it indefinite, more and more mass is added, as if the step
+   were shorter, and at last rotations are frozen. */
+static dgfem_status dgfem_shelli_factor_step(dgfem_shell *shell, dgfem_real h, const dgfem_vec3 *x, const dgfem_vec3 *v,
+                                             dgfem_shell_info *info) {
+    double start = dgfem_shelli_clock(&shell->hooks);
+    dgfem_real mass = 1;
+    dgfem_shelli_assemble_step(shell, h, x, v, shell->desc.corotational);
+    info->seconds_assemble += dgfem_shelli_clock(&shell->hooks) - start;
+    dgfem_status status = dgfem_shelli_factor(shell, info);
+    for (int k = 0; k < 5 && status == DGFEM_ERROR_NOT_POSITIVE_DEFINITE; k++, mass *= 4) {
+        dgfem_shelli_assemble_mass(shell, mass);
+        dgfem_shelli_hold_matrix(shell);
+        info->shifts++;
+        status = dgfem_shelli_factor(shell, info);
+    }
+    if (status != DGFEM_ERROR_NOT_POSITIVE_DEFINITE) return status;
+    dgfem_shelli_assemble_step(shell, h, x, v, 0);
+    return dgfem_shelli_factor_shifted(shell, info);
+}
+
 static dgfem_status dgfem_shelli_step_solve(dgfem_shell *shell, dgfem_real h, const dgfem_vec3 *x, dgfem_vec3 *v,
                                             dgfem_shell_info *info) {
     dgfem_vec3 *r = dgfem_shelli_vector(shell, DGFEM_SHELLI_RESIDUAL);
     dgfem_vec3 *solution = dgfem_shelli_vector(shell, DGFEM_SHELLI_SOLUTION);
-    dgfem_status status = DGFEM_ERROR_NOT_POSITIVE_DEFINITE;
-    for (int spins = shell->desc.corotational; spins >= 0 && status == DGFEM_ERROR_NOT_POSITIVE_DEFINITE; spins--) {
-        double start = dgfem_shelli_clock(&shell->hooks);
-        dgfem_shelli_assemble_step(shell, h, x, v, spins);
-        info->seconds_assemble += dgfem_shelli_clock(&shell->hooks) - start;
-        info->shifts += spins < shell->desc.corotational;
-        status = dgfem_shelli_factor(shell, info);
-    }
-    if (status) status = dgfem_shelli_factor_shifted(shell, info);
+    dgfem_status status = dgfem_shelli_factor_step(shell, h, x, v, info);
     if (!status) status = dgfem_shelli_solve(shell, r, solution, info);
     if (status) return status;
     dgfem_shelli_hold_vector(shell, solution);
