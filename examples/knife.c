@@ -53,8 +53,8 @@ static options read_options(int argc, char **argv) {
     o.cuts = program_int(&p, "--cuts", 5, 0, 1000000);
     o.seconds = program_real(&p, "--seconds", 2.5);
     o.dt = program_real(&p, "--dt", 1.0 / 60);
-    o.first = program_real(&p, "--first", 0.25);   /* when the first stroke begins */
-    o.stroke = program_real(&p, "--stroke", 0.2);  /* how long one takes at most */
+    o.first = program_real(&p, "--first", 0.25);  /* when the first stroke begins */
+    o.stroke = program_real(&p, "--stroke", 0.2); /* how long one takes at most */
     o.smallest = program_real(&p, "--smallest", 0.01);
     o.seed = program_int(&p, "--seed", 1, 0, INT_MAX);
     o.young = program_real(&p, "--young", 1e5);
@@ -116,8 +116,8 @@ static int make_scene(const options *o, scene *s) {
     floor.plane.normal.z = 1;
     floor.friction = DGFEM_R(0.6);
     return model_read(o->model, &s->surface) && !make_body(o, s) && !make_skin(s) &&
-           !dgfem_body_add_plane(s->body, &floor, NULL) &&
-           !dgfem_body_set_affine(s->body, none, vector(0, 0, 0.3)) && !dgfem_skin_update(s->skin, s->body);
+           !dgfem_body_add_plane(s->body, &floor, NULL) && !dgfem_body_set_affine(s->body, none, vector(0, 0, 0.3)) &&
+           !dgfem_skin_update(s->skin, s->body);
 }
 
 static void destroy_scene(scene *s) {
@@ -226,7 +226,8 @@ static int is_sound(const scene *s, double volume) {
     for (int v = 0; v < s->skin->vertex_count; v++) {
         dgfem_vec3 x = s->skin->positions[v], n = s->skin->normals[v];
         if (!isfinite((double)(x.x + x.y + x.z + n.x + n.y + n.z))) wrong = "a number of the skin is not finite";
-        if (!(fabs((double)x.x) + fabs((double)x.y) + fabs((double)x.z) < 100)) wrong = "a vertex of the skin is far away";
+        if (!(fabs((double)x.x) + fabs((double)x.y) + fabs((double)x.z) < 100))
+            wrong = "a vertex of the skin is far away";
     }
     if (dgfem_mesh_check(s->body->mesh)) wrong = "the mesh is broken";
     if (!(fabs((double)dgfem_mesh_volume(s->body->mesh) / volume - 1) < (DGFEM_REAL_IS_FLOAT ? 1e-4 : 1e-9)))

@@ -14,11 +14,11 @@ enum { SIDES = 6, PINS = 4 };
 static const double turn = 6.28318530717958648;
 
 typedef struct pencil {
-    int cuts, rounds, steps;       /* planes; turns of the pencil in which they are made; time steps from one to the next */
-    double length, radius, lead;   /* m; distance of edges from the axis; radius of the lead, for the picture */
-    double angle, dt;              /* of the point, degrees; s */
+    int cuts, rounds, steps; /* planes; turns of the pencil in which they are made; time steps from one to the next */
+    double length, radius, lead; /* m; distance of edges from the axis; radius of the lead, for the picture */
+    double angle, dt;            /* of the point, degrees; s */
     const char *ply, *vtu;
-    dgfem_vec3 places[PINS];       /* at rest */
+    dgfem_vec3 places[PINS]; /* at rest */
     int pins[PINS];
 } pencil;
 
@@ -101,7 +101,7 @@ static dgfem_status make_body(pencil *o, dgfem_body **out) {
     status = dgfem_body_create(&desc, out);
     if (status) return dgfem_mesh_destroy(desc.mesh), status;
     table.plane.normal.z = 1;
-    table.plane.offset = (dgfem_real)(-10 * o->radius);
+    table.plane.offset = (dgfem_real)(-7 * o->radius);
     status = dgfem_body_add_plane(*out, &table, NULL);
     return status ? status : hold(o, *out);
 }
@@ -128,13 +128,14 @@ static dgfem_status step(const pencil *o, dgfem_body *body, double angle) {
 }
 
 static dgfem_status sharpen(const pencil *o, dgfem_body *body) {
+    dgfem_cut_desc desc = dgfem_default_cut_desc();
     dgfem_status status = DGFEM_OK;
+    desc.snap = DGFEM_R(1e-4); /* of the pencil's length: shavings may be thin */
     int per_round = (o->cuts + o->rounds - 1) / o->rounds;
     for (int cut = 0; !status && cut < o->cuts; cut++) {
         double before = turn * cut / per_round;
-        status = dgfem_body_cut_plane(body, blade(o, cut / per_round), NULL, NULL);
-        for (int i = 1; !status && i <= o->steps; i++)
-            status = step(o, body, before + turn / per_round * i / o->steps);
+        status = dgfem_body_cut_plane(body, blade(o, cut / per_round), &desc, NULL);
+        for (int i = 1; !status && i <= o->steps; i++) status = step(o, body, before + turn / per_round * i / o->steps);
     }
     return status;
 }
@@ -164,32 +165,33 @@ static dgfem_vec3 point_in(const dgfem_vec3 corners[3], double b, double c) {
 
 /* A triangle of a cut in small parts, each wood or lead by its rest distance from the axis. */
 static void paint_cut(const pencil *o, picture *p, const dgfem_vec3 rest[3], const dgfem_vec3 now[3]) {
-    enum { PARTS = 32 };
+    enum { PARTS = 24 };
     static const int corners[2][3][2] = {{{0, 0}, {1, 0}, {0, 1}}, {{1, 0}, {1, 1}, {0, 1}}};
     for (int i = 0; i < PARTS; i++)
         for (int k = 0; k < 2 * (PARTS - i) - 1; k++) {
             dgfem_vec3 part[3];
             double r = 0;
             for (int c = 0; c < 3; c++) {
-                double u = (double)(i + corners[k % 2][c][0]) / PARTS, v = (double)(k / 2 + corners[k % 2][c][1]) / PARTS;
+                double u = (double)(i + corners[k % 2][c][0]) / PARTS,
+                       v = (double)(k / 2 + corners[k % 2][c][1]) / PARTS;
                 dgfem_vec3 x = point_in(rest, u, v);
                 part[c] = point_in(now, u, v);
                 r += hypot((double)x.y, (double)x.z) / 3;
             }
-            picture_add_triangle(p, part, r < o->lead ? picture_rgb(60, 60, 65) : picture_rgb(225, 180, 130));
+            picture_add_triangle(p, part, r < o->lead ? picture_rgb(60, 60, 65) : picture_rgb(250, 210, 160));
         }
 }
 
 static int write_picture(const pencil *o, const dgfem_body *body) {
-    const picture_color paint = picture_rgb(235, 170, 20);
+    const picture_color paint = picture_rgb(255, 200, 40);
     dgfem_surface *surface;
     picture p;
     memset(&p, 0, sizeof p);
     if (dgfem_surface_create(body, &surface)) return 0;
     if (dgfem_surface_update(surface, body)) return dgfem_surface_destroy(surface), 0;
-    double z = -10 * o->radius;
-    picture_add_parallelogram(&p, vector(0.3 * o->length, -0.3 * o->length, z), vector(1.2 * o->length, 0, 0),
-                              vector(0, 0.6 * o->length, 0), picture_rgb(200, 205, 210));
+    double z = -7 * o->radius;
+    picture_add_parallelogram(&p, vector(-0.1 * o->length, -0.2 * o->length, z), vector(1.4 * o->length, 0, 0),
+                              vector(0, 0.5 * o->length, 0), picture_rgb(225, 230, 235));
     for (int t = 0; t < surface->triangle_count; t++) {
         dgfem_vec3 rest[3], now[3];
         int is_end = 1;

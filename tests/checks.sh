@@ -203,7 +203,8 @@ static_is_static() {
 
 # Each creating function that code compiled for one precision calls is not there in the other's library.
 precisions_do_not_link() {
-    sed -n 's/.*[ *]\(dgfem_[a-z0-9_]*_create[a-z0-9_]*\)(.*/\1/p' $products | sort -u > "$work/creating"
+    sed -n 's/.*[ *]\(dgfem_[a-z0-9_]*_create[a-z0-9_]*\)(.*/\1/p' $products | grep -v '^dgfem_[a-z]*i_' |
+        sort -u > "$work/creating"
     for product in $products; do echo "#include \"$product\""; done > "$work/user.c"
     echo 'typedef void (*any)(void); any used[] = {' >> "$work/user.c"
     sed 's/.*/(any)&,/' "$work/creating" >> "$work/user.c"

@@ -551,6 +551,7 @@ static dgfem_status dgfemi_cut_finish(dgfemi_edit *edit, dgfem_body *body, const
     dgfem_skin **cut = (dgfem_skin **)dgfemi_arena_allocate_zero(&arena, skins, sizeof *cut);
     dgfemi_separation separation;
     dgfemi_renewal renewal;
+    memset(&separation, 0, sizeof separation);
     if (!cut) return dgfemi_fail_memory(&body->hooks);
     dgfem_status status = dgfemi_renewal_make(&renewal, edit, body);
     if (!status) {
