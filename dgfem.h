@@ -843,6 +843,7 @@ typedef struct dgfem_embedding {
     int point_count;
     dgfem_vec3 *points;        /* rest positions */
     int *point_element;        /* element that contains the point, or the nearest one */
+    dgfem_vec3 *point_window;  /* where the samples' windows are evaluated: the point, or nearer to its element */
     int *weight_start;         /* [point_count + 1] */
     int *weight_sample;
     dgfem_real *weight;
@@ -850,6 +851,8 @@ typedef struct dgfem_embedding {
     int element_count;
     dgfem_vec3 *element_centre;
     int *element_glue;          /* glued faces of each element */
+    dgfem_vec3 *element_box;    /* [2 * element_count] lower and upper corners */
+    dgfem_real *element_reach;  /* largest window among the samples that may see through the element */
     int revision;              /* of the body it was made for */
     dgfem_hooks hooks;
 } dgfem_embedding;
@@ -1205,12 +1208,14 @@ DGFEM_API dgfem_status dgfem_body_cut_plane(dgfem_body *body, dgfem_plane plane,
                                             dgfem_cut_info *info);
 
 /* Cuts inside a planar polygon, convex or not, in either sense. Elements that it meets are split along its plane, and
-   stay glued outside of it. Refuses polygons of fewer than three vertices, without area, bent or crossing themselves. */
+   their parts stay glued outside of it. Refuses polygons of fewer than three vertices, without area, bent or crossing themselves. */
 DGFEM_API dgfem_status dgfem_body_cut_polygon(dgfem_body *body, dgfem_points_in polygon, const dgfem_cut_desc *desc,
                                               dgfem_cut_info *info);
 
 /* Cuts along triangles (three vertex indices each, in either sense), one after the other: a surface, or the area that a
-   moving edge has swept. Triangles without area cut nothing. */
+   moving edge has swept. Triangles without area, or thinner than 1e-12 (float: 1e-4) of their length, cut nothing: wait
+   until a slow edge has moved. Where elements jump or bend, the surface is followed as closely as their neighbours
+   agree on where it is. */
 DGFEM_API dgfem_status dgfem_body_cut_surface(dgfem_body *body, dgfem_points_in vertices, const int *triangles,
                                               int triangle_count, const dgfem_cut_desc *desc, dgfem_cut_info *info);
 
@@ -6030,14 +6035,26 @@ static int dgfemi_mesh_other_side(const dgfem_mesh *mesh, int element, int face)
     return f->element[0] == element ? f->element[1] : f->element[0];
 }
 
-/* Volume over the area of the largest face. */
+/* Volume over the area of the largest side: its largest face with all others in the same plane, into which cuts and
+   neighbours may have divided it. */
 static dgfem_real dgfemi_mesh_thickness(const dgfem_mesh *mesh, int element) {
+    const dgfem_real same = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-6);
     const dgfem_element *e = &mesh->elements[element];
-    dgfem_real largest = 0;
-    int k;
+    int k, largest = mesh->element_faces[e->face_start];
+    dgfem_real area = 0;
+    const dgfem_face *side;
     for (k = e->face_start; k < e->face_start + e->face_count; k++)
-        largest = dgfemi_max(largest, mesh->faces[mesh->element_faces[k]].area);
-    return largest > 0 ? e->volume / largest : 0;
+        if (mesh->faces[mesh->element_faces[k]].area > mesh->faces[largest].area) largest = mesh->element_faces[k];
+    side = &mesh->faces[largest];
+    for (k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        dgfem_real turn = dgfemi_dot(side->normal, face->normal) *
+                          (dgfem_real)(dgfemi_mesh_sign(mesh, element, largest) *
+                                       dgfemi_mesh_sign(mesh, element, mesh->element_faces[k]));
+        dgfem_real height = dgfemi_dot(side->normal, dgfemi_sub(face->centre, side->centre));
+        if (turn > 1 - same && dgfemi_abs(height) <= same * e->radius) area += face->area;
+    }
+    return area > 0 ? e->volume / area : 0;
 }
 
 /* Whether the element is a sliver beside one of this volume. */
@@ -12276,22 +12293,78 @@ static double dgfemi_face_winding(const dgfem_mesh *mesh, const dgfem_face *face
     return angle / 12.566370614359172;
 }
 
-/* 1 inside and on a face. In the plane of a face the solid angle is either zero or undefined: such a face is decided
-   by whether it covers the point. */
-static int dgfemi_element_contains(const dgfem_mesh *mesh, int element, dgfem_vec3 x) {
+/* 1 inside. In the plane of a face the solid angle is either zero or undefined: such faces are left out. */
+static int dgfemi_element_winds_around(const dgfem_mesh *mesh, int element, dgfem_vec3 x) {
     const dgfem_element *e = &mesh->elements[element];
     double winding = 0;
     for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
         const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
         dgfem_real height = dgfemi_dot(face->normal, dgfemi_sub(x, face->centre));
-        if (dgfemi_abs(height) > DGFEM_ON_FACE * e->radius)
-            winding += dgfemi_mesh_sign(mesh, element, mesh->element_faces[k]) * dgfemi_face_winding(mesh, face, x);
-        else if (dgfemi_face_covers(mesh, face, dgfemi_add_scaled(x, -height, face->normal))) return 1;
+        if (!(dgfemi_abs(height) > DGFEM_ON_FACE * e->radius)) continue;
+        winding += dgfemi_mesh_sign(mesh, element, mesh->element_faces[k]) * dgfemi_face_winding(mesh, face, x);
     }
     return winding > 0.5;
 }
 
+#define DGFEM_STEEP DGFEM_R(1e-3) /* a ray that meets a face at a smaller sine says nothing */
+
+/* Whether the ray from x along the x axis passes through a face, seen along the ray: 1, 0, or -1 where it passes an edge
+   too closely to tell. */
+static int dgfemi_face_meets_ray(const dgfem_mesh *mesh, const dgfem_face *face, dgfem_vec3 x, dgfem_real near) {
+    int inside = 0;
+    for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++) {
+        const int *loop = mesh->loop_vertices + mesh->loops[l].start;
+        int count = mesh->loops[l].count;
+        dgfem_vec3 a = mesh->vertices[loop[count - 1]];
+        dgfem_real ay = a.y - x.y, az = a.z - x.z;
+        for (int i = 0; i < count; i++) {
+            dgfem_vec3 b = mesh->vertices[loop[i]];
+            dgfem_real by = b.y - x.y, bz = b.z - x.z;
+            if ((az > 0) != (bz > 0)) {
+                dgfem_real side = ay * (bz - az) - az * (by - ay);
+                if (dgfemi_abs(side) <= near * (dgfemi_abs(by - ay) + dgfemi_abs(bz - az))) return -1;
+                if ((side > 0) == (bz > az)) inside = !inside;
+            }
+            ay = by, az = bz;
+        }
+    }
+    return inside;
+}
+
+/* 1 inside and on a face. Parity of the faces that a ray passes through; where it passes an edge closely or touches a
+   face, the solid angles decide. */
+static int dgfemi_element_contains(const dgfem_mesh *mesh, int element, dgfem_vec3 x) {
+    const dgfem_element *e = &mesh->elements[element];
+    dgfem_real near = DGFEM_ON_FACE * e->radius;
+    int inside = 0;
+    for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        dgfem_real height = dgfemi_dot(face->normal, dgfemi_sub(x, face->centre));
+        if (dgfemi_abs(height) > near) continue;
+        if (dgfemi_face_covers(mesh, face, dgfemi_add_scaled(x, -height, face->normal))) return 1;
+    }
+    for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        int meets = dgfemi_face_meets_ray(mesh, face, x, near);
+        dgfem_real height;
+        if (meets == 0) continue;
+        height = dgfemi_dot(face->normal, dgfemi_sub(x, face->centre));
+        if (meets < 0 || dgfemi_abs(face->normal.x) < DGFEM_STEEP || dgfemi_abs(height) <= near)
+            return dgfemi_element_winds_around(mesh, element, x);
+        if ((height > 0) != (face->normal.x > 0)) inside = !inside;
+    }
+    return inside;
+}
+
 /* ---- search ---- */
+
+/* Squared distance from a box. */
+static dgfem_real dgfemi_box_square(dgfem_vec3 lower, dgfem_vec3 upper, dgfem_vec3 x) {
+    dgfem_real dx = x.x < lower.x ? lower.x - x.x : x.x > upper.x ? x.x - upper.x : 0;
+    dgfem_real dy = x.y < lower.y ? lower.y - x.y : x.y > upper.y ? x.y - upper.y : 0;
+    dgfem_real dz = x.z < lower.z ? lower.z - x.z : x.z > upper.z ? x.z - upper.z : 0;
+    return dx * dx + dy * dy + dz * dz;
+}
 
 static dgfem_real dgfemi_box_distance(dgfem_vec3 lower, dgfem_vec3 upper, dgfem_vec3 x) {
     dgfem_vec3 inside = dgfemi_min3(dgfemi_max3(x, lower), upper);
@@ -12625,8 +12698,9 @@ typedef struct dgfemi_sampling {
     int *stack;                          /* [elements] */
 } dgfemi_sampling;
 
-static dgfem_real dgfemi_sampling_distance(const dgfemi_sampling *sampling, int element, dgfem_vec3 x) {
-    return dgfemi_box_distance(sampling->locator->lower[element], sampling->locator->upper[element], x);
+/* Squared distance from the element's box. */
+static dgfem_real dgfemi_sampling_square(const dgfemi_sampling *sampling, int element, dgfem_vec3 x) {
+    return dgfemi_box_square(sampling->locator->lower[element], sampling->locator->upper[element], x);
 }
 
 static void dgfemi_sampling_components(dgfemi_sampling *sampling) {
@@ -12696,6 +12770,7 @@ static void dgfemi_sampling_neighbours(dgfemi_sampling *sampling, int *fill) {
 static void dgfemi_sampling_flood(dgfemi_sampling *sampling, int sample) {
     const dgfem_embedding *embedding = sampling->embedding;
     dgfem_real radius = sampling->radius[sample];
+    dgfem_vec3 x = embedding->samples[sample];
     int depth = 0;
     sampling->stamp++;
     for (int t = embedding->term_start[sample]; t < embedding->term_start[sample + 1]; t++) {
@@ -12708,9 +12783,8 @@ static void dgfemi_sampling_flood(dgfemi_sampling *sampling, int sample) {
         for (int k = sampling->neighbour_start[e]; k < sampling->neighbour_start[e + 1]; k++) {
             int neighbour = sampling->neighbour[k];
             if (sampling->mark[neighbour] == sampling->stamp) continue;
-            if (!(dgfemi_sampling_distance(sampling, neighbour, embedding->samples[sample]) < radius)) continue;
             sampling->mark[neighbour] = sampling->stamp;
-            sampling->stack[depth++] = neighbour;
+            if (dgfemi_sampling_square(sampling, neighbour, x) < radius * radius) sampling->stack[depth++] = neighbour;
         }
     }
 }
@@ -12720,7 +12794,7 @@ static void dgfemi_sampling_update_reach(dgfemi_sampling *sampling) {
     for (int s = 0; s < sampling->embedding->sample_count; s++) dgfemi_sampling_flood(sampling, s);
 }
 
-/* 1 on success, 0 when out of memory. */
+/* Without `reach`, which follows when the windows are known. 1 on success, 0 when out of memory. */
 static int dgfemi_sampling_make(dgfemi_arena *arena, const dgfem_mesh *mesh, const dgfem_embedding *embedding,
                                 const dgfemi_locator *locator, dgfemi_sampling *sampling) {
     size_t elements = (size_t)mesh->element_count, terms = (size_t)embedding->term_start[embedding->sample_count];
@@ -12748,7 +12822,6 @@ static int dgfemi_sampling_make(dgfemi_arena *arena, const dgfem_mesh *mesh, con
         int first = embedding->term_start[s], count = embedding->term_start[s + 1] - first;
         sampling->radius[s] = DGFEM_WINDOW * dgfemi_mean_radius(mesh, embedding->term_element + first, count);
     }
-    dgfemi_sampling_update_reach(sampling);
     return 1;
 }
 
@@ -12757,7 +12830,8 @@ static int dgfemi_sampling_make(dgfemi_arena *arena, const dgfem_mesh *mesh, con
 typedef struct dgfemi_query {
     dgfemi_sampling *sampling;
     int *element_mark, *sample_mark, stamp; /* query that met the element, the sample last */
-    dgfem_real *way; /* [elements] distance of the farthest element that must be passed to get there, itself included */
+    dgfem_real *way; /* [elements] squared distance of the farthest element that must be passed to get there, itself
+                        included */
     int *heap;       /* [elements] elements to visit, the one with the shortest way on top */
     int heap_count;
     int *visited; /* [elements] in the order of their ways */
@@ -12792,7 +12866,6 @@ static int dgfemi_query_before(const dgfemi_query *query, int a, int b) {
 
 static void dgfemi_query_push(dgfemi_query *query, int element, dgfem_real way) {
     int i = query->heap_count++;
-    query->element_mark[element] = query->stamp;
     query->way[element] = way;
     while (i > 0 && dgfemi_query_before(query, element, query->heap[(i - 1) / 2])) {
         query->heap[i] = query->heap[(i - 1) / 2];
@@ -12816,8 +12889,8 @@ static int dgfemi_query_pop(dgfemi_query *query) {
     return top;
 }
 
-static dgfem_real dgfemi_window(dgfem_real q) {
-    dgfem_real square = q * q, rest = 1 - square;
+static dgfem_real dgfemi_window(dgfem_real square) {
+    dgfem_real rest = 1 - square;
     return (dgfem_real)exp(-2 * (double)square) * rest * rest * rest;
 }
 
@@ -12826,22 +12899,25 @@ static void dgfemi_query_accept(dgfemi_query *query, int element, dgfem_vec3 x) 
     const dgfemi_sampling *sampling = query->sampling;
     for (int i = sampling->element_start[element]; i < sampling->element_start[element + 1]; i++) {
         int s = sampling->element_sample[i];
-        dgfem_real distance;
+        dgfem_real square, limit = sampling->radius[s] * sampling->radius[s];
+        dgfem_vec3 d;
         if (query->sample_mark[s] == query->stamp) continue;
         query->sample_mark[s] = query->stamp;
-        distance = dgfemi_max(query->way[element], dgfemi_distance(sampling->embedding->samples[s], x));
-        if (!(distance < sampling->radius[s])) continue;
-        query->theta[query->count] = dgfemi_window(distance / sampling->radius[s]);
+        d = dgfemi_sub(sampling->embedding->samples[s], x);
+        square = dgfemi_max(query->way[element], dgfemi_dot(d, d));
+        if (!(square < limit)) continue;
+        query->theta[query->count] = dgfemi_window(square / limit);
         query->sample[query->count++] = s;
     }
 }
 
 /* Finds the samples that reach x from the element `home`: elements are visited in the order of their ways, the way of a
-   neighbour being max(way, distance from x to the neighbour's box). */
+   neighbour being max(way, distance from x to the neighbour's box). The first way to an element is its shortest one. */
 static void dgfemi_query_run(dgfemi_query *query, int home, dgfem_vec3 x) {
     const dgfemi_sampling *sampling = query->sampling;
     query->stamp++;
     query->count = query->heap_count = query->visited_count = 0;
+    query->element_mark[home] = query->stamp;
     dgfemi_query_push(query, home, 0);
     while (query->heap_count > 0) {
         int e = dgfemi_query_pop(query);
@@ -12851,8 +12927,10 @@ static void dgfemi_query_run(dgfemi_query *query, int home, dgfem_vec3 x) {
             int neighbour = sampling->neighbour[k];
             dgfem_real way;
             if (query->element_mark[neighbour] == query->stamp) continue;
-            way = dgfemi_max(query->way[e], dgfemi_sampling_distance(sampling, neighbour, x));
-            if (way < sampling->reach[neighbour]) dgfemi_query_push(query, neighbour, way);
+            query->element_mark[neighbour] = query->stamp;
+            way = dgfemi_max(query->way[e], dgfemi_sampling_square(sampling, neighbour, x));
+            if (way < sampling->reach[neighbour] * sampling->reach[neighbour])
+                dgfemi_query_push(query, neighbour, way);
         }
     }
 }
@@ -12875,6 +12953,7 @@ static dgfem_vec3 dgfemi_query_offset(const dgfemi_query *query, int i, dgfem_ve
 }
 
 static void dgfemi_query_fit(const dgfemi_query *query, dgfem_vec3 x, dgfemi_fit *fit) {
+    dgfem_real xx = 0, yy = 0, zz = 0, xy = 0, xz = 0, yz = 0;
     dgfem_mat3 c;
     memset(fit, 0, sizeof *fit);
     for (int i = 0; i < query->count; i++) {
@@ -12883,11 +12962,14 @@ static void dgfemi_query_fit(const dgfemi_query *query, dgfem_vec3 x, dgfemi_fit
     }
     if (!(fit->weight > 0)) return;
     fit->mean = dgfemi_scale(1 / fit->weight, fit->mean);
-    memset(&c, 0, sizeof c);
     for (int i = 0; i < query->count; i++) {
         dgfem_vec3 d = dgfemi_sub(dgfemi_query_offset(query, i, x), fit->mean);
-        dgfemi_add_outer(&c, query->theta[i], d, d);
+        dgfem_vec3 t = dgfemi_scale(query->theta[i], d);
+        xx += t.x * d.x, yy += t.y * d.y, zz += t.z * d.z;
+        xy += t.x * d.y, xz += t.x * d.z, yz += t.y * d.z;
     }
+    c.m[0][0] = xx, c.m[1][1] = yy, c.m[2][2] = zz;
+    c.m[0][1] = c.m[1][0] = xy, c.m[0][2] = c.m[2][0] = xz, c.m[1][2] = c.m[2][1] = yz;
     dgfem_eigen_symmetric(c, fit->moment, &fit->axes);
 }
 
@@ -12953,18 +13035,19 @@ static void dgfemi_query_normalize(dgfemi_query *query) {
     query->count = kept;
 }
 
-/* Samples in ascending order: points that share samples read them alike. Insertion sort of some fifty. */
-static void dgfemi_query_sort(dgfemi_query *query) {
-    for (int i = 1; i < query->count; i++) {
-        int sample = query->sample[i], j = i;
-        dgfem_real theta = query->theta[i];
-        for (; j > 0 && query->sample[j - 1] > sample; j--) {
-            query->sample[j] = query->sample[j - 1];
-            query->theta[j] = query->theta[j - 1];
+/* Samples in ascending order, each with its value: points that share samples read them alike. Shell's sort of some
+   fifty. */
+static void dgfemi_sort_samples(int *samples, dgfem_real *values, int count) {
+    int gap = 1;
+    while (gap < count / 3) gap = 3 * gap + 1;
+    for (; gap > 0; gap /= 3)
+        for (int i = gap; i < count; i++) {
+            int sample = samples[i], j = i;
+            dgfem_real value = values[i];
+            for (; j >= gap && samples[j - gap] > sample; j -= gap)
+                samples[j] = samples[j - gap], values[j] = values[j - gap];
+            samples[j] = sample, values[j] = value;
         }
-        query->sample[j] = sample;
-        query->theta[j] = theta;
-    }
 }
 
 /* ==== embed_points.c ============================================================================================== */
@@ -12972,7 +13055,7 @@ static void dgfemi_query_sort(dgfemi_query *query) {
 /* Embedding of points, second part: where each point sits, windows large enough for all, weights; what an earlier
    embedding leaves to be kept; evaluation. */
 
-/* ---- the embedding of points ---- */
+/* ---- the places of points ---- */
 
 /* Where the windows of a point are evaluated: at the point, but not far outside its element. The affine fit extends to
    the point itself, so linear fields are reproduced wherever it is. */
@@ -12981,93 +13064,6 @@ static dgfem_vec3 dgfemi_window_position(const dgfem_mesh *mesh, const dgfemi_lo
     if (!(location->distance > limit)) return x;
     return dgfemi_add_scaled(location->nearest, limit / location->distance, dgfemi_sub(x, location->nearest));
 }
-
-/* Whether the samples that reach x, `round` enlargements on, determine the fit. */
-static int dgfemi_query_is_served(const dgfemi_query *query, int home, dgfem_vec3 x, int round) {
-    const dgfemi_sampling *sampling = query->sampling;
-    dgfemi_fit fit;
-    if (query->count == sampling->component_samples[sampling->component[home]]) return 1; /* there are no more */
-    if (query->count < DGFEM_MIN_POINT_SAMPLES) return 0;
-    if (round >= DGFEM_CONDITION_ROUNDS) return 1;
-    dgfemi_query_fit(query, x, &fit);
-    return fit.moment[0] * DGFEM_MAX_CONDITION > fit.moment[2];
-}
-
-static void dgfemi_mark_samples(const dgfemi_sampling *sampling, int element, char *enlarge) {
-    for (int i = sampling->element_start[element]; i < sampling->element_start[element + 1]; i++)
-        enlarge[sampling->element_sample[i]] = 1;
-}
-
-/* Marks the samples of the elements that the query has visited and of their neighbours. */
-static void dgfemi_query_mark(const dgfemi_query *query, char *enlarge) {
-    const dgfemi_sampling *sampling = query->sampling;
-    for (int i = 0; i < query->visited_count; i++) {
-        int e = query->visited[i];
-        dgfemi_mark_samples(sampling, e, enlarge);
-        for (int k = sampling->neighbour_start[e]; k < sampling->neighbour_start[e + 1]; k++)
-            dgfemi_mark_samples(sampling, sampling->neighbour[k], enlarge);
-    }
-}
-
-/* Enlarges the windows of the samples around poorly served points, once per round, until all points are served. `open`
-   marks the points still to be looked at, `enlarge` is room for marks of the samples. */
-static void dgfemi_enlarge_windows(dgfemi_query *query, const dgfem_embedding *embedding, const dgfem_vec3 *windows,
-                                   char *open, char *enlarge) {
-    dgfemi_sampling *sampling = query->sampling;
-    for (int round = 0; round < DGFEM_MAX_ROUNDS; round++) {
-        int poor = 0;
-        memset(enlarge, 0, (size_t)embedding->sample_count);
-        for (int p = 0; p < embedding->point_count; p++) {
-            if (!open[p]) continue;
-            dgfemi_query_run(query, embedding->point_element[p], windows[p]);
-            open[p] = !dgfemi_query_is_served(query, embedding->point_element[p], windows[p], round);
-            if (!open[p]) continue;
-            poor++;
-            dgfemi_query_mark(query, enlarge);
-        }
-        if (poor == 0) return;
-        for (int s = 0; s < embedding->sample_count; s++)
-            if (enlarge[s]) sampling->radius[s] *= DGFEM_ENLARGE;
-        dgfemi_sampling_update_reach(sampling);
-    }
-}
-
-/* Appends the query's samples and weights as those of the next point. 1 on success. */
-static int dgfemi_embedding_append(dgfem_embedding *embedding, const dgfemi_query *query, int point,
-                                   int *sample_capacity, int *weight_capacity) {
-    int first = embedding->weight_start[point], needed = first + query->count;
-    if (query->count > INT_MAX - first) return 0;
-    if (needed > *sample_capacity) {
-        void *grown = dgfemi_grow(&embedding->hooks, embedding->weight_sample, sample_capacity, needed, sizeof(int));
-        if (!grown) return 0;
-        embedding->weight_sample = (int *)grown;
-    }
-    if (needed > *weight_capacity) {
-        void *grown = dgfemi_grow(&embedding->hooks, embedding->weight, weight_capacity, needed, sizeof(dgfem_real));
-        if (!grown) return 0;
-        embedding->weight = (dgfem_real *)grown;
-    }
-    memcpy(embedding->weight_sample + first, query->sample, (size_t)query->count * sizeof(int));
-    memcpy(embedding->weight + first, query->weight, (size_t)query->count * sizeof(dgfem_real));
-    embedding->weight_start[point + 1] = needed;
-    return 1;
-}
-
-/* ---- what an earlier embedding leaves ----
-
-   After a change of topology most weights are as they were. An element is the same if it has the same centre and as
-   many glued faces, a sample if it has the same place and elements. A point keeps its weights if its place, its element and
-   its samples are the same, and neither a changed element nor a new sample lies within reach. */
-
-typedef struct dgfemi_reuse {
-    const dgfem_embedding *old;
-    int *old_element;   /* [elements] DGFEM_NONE: changed */
-    int *new_element;   /* [old elements] */
-    int *new_sample;    /* [old samples] DGFEM_NONE: gone */
-    char *known;        /* [samples] 1: an old one */
-    dgfem_real *radius; /* [samples] before any was enlarged */
-    char *keep;         /* [points] */
-} dgfemi_reuse;
 
 static uint64_t dgfemi_hash_position(dgfem_vec3 x) {
     uint64_t hash = 0;
@@ -13082,41 +13078,172 @@ static uint64_t dgfemi_hash_position(dgfem_vec3 x) {
 
 static int dgfemi_same_position(dgfem_vec3 a, dgfem_vec3 b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
 
+/* Which elements are those of an earlier embedding: the same centre and as many glued faces. */
+typedef struct dgfemi_kinship {
+    int *old_element; /* [elements] DGFEM_NONE: changed */
+    int *new_element; /* [old elements] DGFEM_NONE: changed or gone */
+} dgfemi_kinship;
+
+static void dgfemi_kinship_match(const dgfem_mesh *mesh, const dgfem_embedding *old, const int *glue,
+                                 const dgfemi_buckets *buckets, dgfemi_kinship *kinship) {
+    for (int e = 0; e < mesh->element_count; e++) {
+        dgfem_vec3 centre = mesh->elements[e].centre;
+        int i = dgfemi_buckets_first(buckets, dgfemi_hash_position(centre));
+        while (i != DGFEM_NONE &&
+               (!dgfemi_same_position(old->element_centre[i], centre) || old->element_glue[i] != glue[e]))
+            i = buckets->next[i];
+        kinship->old_element[e] = i;
+        if (i != DGFEM_NONE) kinship->new_element[i] = e;
+    }
+}
+
+/* 1 on success, 0 when out of memory. */
+static int dgfemi_kinship_make(dgfemi_arena *arena, const dgfem_mesh *mesh, const dgfem_embedding *old,
+                               dgfemi_kinship *kinship) {
+    const dgfem_hooks *hooks = &old->hooks;
+    int *glue = (int *)dgfemi_arena_allocate_zero(arena, (size_t)mesh->element_count, sizeof(int));
+    dgfemi_buckets buckets;
+    int ok;
+    kinship->old_element = (int *)dgfemi_arena_allocate(arena, (size_t)mesh->element_count, sizeof(int));
+    kinship->new_element = (int *)dgfemi_arena_allocate(arena, (size_t)old->element_count, sizeof(int));
+    if (!glue || !kinship->old_element || !kinship->new_element) return 0;
+    for (int f = 0; f < mesh->face_count; f++) {
+        const dgfem_face *face = &mesh->faces[f];
+        if (face->element[1] != DGFEM_NONE && !face->cut) glue[face->element[0]]++, glue[face->element[1]]++;
+    }
+    memset(&buckets, 0, sizeof buckets);
+    ok = dgfemi_buckets_reset(hooks, &buckets, old->element_count);
+    for (int e = 0; ok && e < old->element_count; e++) {
+        kinship->new_element[e] = DGFEM_NONE;
+        ok = dgfemi_buckets_insert(hooks, &buckets, e, dgfemi_hash_position(old->element_centre[e]));
+    }
+    if (ok) dgfemi_kinship_match(mesh, old, glue, &buckets, kinship);
+    dgfemi_buckets_free(hooks, &buckets);
+    return ok;
+}
+
+/* Where points are reached from. */
+typedef struct dgfemi_places {
+    int *element;       /* [points] */
+    dgfem_vec3 *window; /* [points] where windows are evaluated */
+} dgfemi_places;
+
+/* 1 on success, 0 when out of memory. */
+static int dgfemi_places_allocate(dgfemi_arena *arena, int count, dgfemi_places *places) {
+    places->element = (int *)dgfemi_arena_allocate(arena, (size_t)count, sizeof(int));
+    places->window = (dgfem_vec3 *)dgfemi_arena_allocate(arena, (size_t)count, sizeof(dgfem_vec3));
+    return places->element && places->window;
+}
+
+/* Points stay in elements that have stayed; others are reached from the element at their anchor, or where they have
+   none (`anchors` may be NULL), at the point. `old`, of the same first points, and its kinship may be NULL. */
+static void dgfemi_places_find(dgfemi_locator *locator, const dgfem_vec3 *points, const dgfem_vec3 *anchors, int count,
+                               const dgfem_embedding *old, const dgfemi_kinship *kinship, dgfemi_places *places) {
+    const dgfem_mesh *mesh = locator->mesh;
+    for (int p = 0; p < count; p++) {
+        int home = DGFEM_NONE;
+        dgfemi_location location;
+        if (old && p < old->point_count && dgfemi_same_position(points[p], old->points[p]))
+            home = kinship->new_element[old->point_element[p]];
+        if (home != DGFEM_NONE) {
+            places->element[p] = home, places->window[p] = old->point_window[p];
+            continue;
+        }
+        location = dgfemi_locate(locator, anchors ? anchors[p] : points[p]);
+        if (anchors && !dgfemi_same_position(anchors[p], points[p]))
+            location = dgfemi_locate_in(mesh, location.element, points[p]);
+        places->element[p] = location.element;
+        places->window[p] = dgfemi_window_position(mesh, &location, points[p]);
+    }
+}
+
+/* ---- what an earlier embedding leaves ----
+
+   After a change of topology most weights are as they were. A sample is the same if it has the same place and elements;
+   it keeps the window that it had, so that weights around it do not change without a cause: where a window was enlarged
+   for the sake of a point that is better off now, it stays large. A point keeps its weights if its place, its element
+   and its samples are the same, and neither a changed element nor a new sample lies within reach. What does not keep its
+   weights gets new ones from all samples alike: the weights of a point never depend on what other points keep. */
+
+/* A box that changes weights within `limit` of it, but not nearer than `from`. */
+typedef struct dgfemi_disturbance {
+    dgfem_vec3 lower, upper;
+    dgfem_real from, limit;
+} dgfemi_disturbance;
+
+/* Points by their elements. */
+typedef struct dgfemi_crowds {
+    int *start, *point;        /* points of each element */
+    dgfem_vec3 *lower, *upper; /* [elements] box of their windows */
+} dgfemi_crowds;
+
+static int dgfemi_crowds_make(dgfemi_arena *arena, const dgfem_embedding *embedding, int element_count,
+                              dgfemi_crowds *crowds) {
+    size_t elements = (size_t)element_count;
+    crowds->start = (int *)dgfemi_arena_allocate_zero(arena, elements + 1, sizeof(int));
+    crowds->point = (int *)dgfemi_arena_allocate(arena, (size_t)embedding->point_count, sizeof(int));
+    crowds->lower = (dgfem_vec3 *)dgfemi_arena_allocate(arena, elements, sizeof(dgfem_vec3));
+    crowds->upper = (dgfem_vec3 *)dgfemi_arena_allocate(arena, elements, sizeof(dgfem_vec3));
+    if (!crowds->start || !crowds->point || !crowds->lower || !crowds->upper) return 0;
+    for (int p = 0; p < embedding->point_count; p++) {
+        int e = embedding->point_element[p];
+        dgfem_vec3 x = embedding->point_window[p];
+        crowds->lower[e] = crowds->start[e] ? dgfemi_min3(crowds->lower[e], x) : x;
+        crowds->upper[e] = crowds->start[e] ? dgfemi_max3(crowds->upper[e], x) : x;
+        crowds->start[e]++;
+    }
+    for (int e = 0; e < element_count; e++) crowds->start[e + 1] += crowds->start[e]; /* filled from their ends */
+    for (int p = embedding->point_count - 1; p >= 0; p--)
+        crowds->point[--crowds->start[embedding->point_element[p]]] = p;
+    return 1;
+}
+
+/* Clears `calm` for the points that are disturbed. */
+static void dgfemi_crowds_disturb(const dgfemi_crowds *crowds, const dgfem_embedding *embedding, int element_count,
+                                  const dgfemi_disturbance *d, char *calm) {
+    dgfem_real from = d->from * d->from, limit = d->limit * d->limit;
+    for (int e = 0; e < element_count; e++) {
+        dgfem_vec3 near = dgfemi_min3(dgfemi_max3(d->lower, crowds->lower[e]), crowds->upper[e]);
+        if (crowds->start[e] == crowds->start[e + 1]) continue;
+        if (!(dgfemi_box_square(d->lower, d->upper, near) < limit)) continue;
+        for (int i = crowds->start[e]; i < crowds->start[e + 1]; i++) {
+            int p = crowds->point[i];
+            dgfem_real square;
+            if (!calm[p]) continue;
+            square = dgfemi_box_square(d->lower, d->upper, embedding->point_window[p]);
+            if (square >= from && square < limit) calm[p] = 0;
+        }
+    }
+}
+
+typedef struct dgfemi_reuse {
+    const dgfem_embedding *old;
+    dgfemi_kinship kinship;
+    int *new_sample; /* [old samples] DGFEM_NONE: gone */
+    char *known;     /* [samples] 1: an old one */
+    char *keep;      /* [points] */
+} dgfemi_reuse;
+
 /* Notes what a later embedding compares with. 1 on success. */
 static int dgfemi_embedding_sign(dgfem_embedding *embedding, const dgfemi_sampling *sampling) {
     const dgfem_mesh *mesh = sampling->mesh;
     const dgfem_hooks *hooks = &embedding->hooks;
+    size_t elements = (size_t)mesh->element_count;
     embedding->sample_radius =
         (dgfem_real *)dgfemi_duplicate(hooks, sampling->radius, (size_t)embedding->sample_count, sizeof(dgfem_real));
     embedding->element_count = mesh->element_count;
-    embedding->element_centre = (dgfem_vec3 *)dgfemi_allocate(hooks, (size_t)mesh->element_count, sizeof(dgfem_vec3));
-    embedding->element_glue = (int *)dgfemi_allocate(hooks, (size_t)mesh->element_count, sizeof(int));
-    if (!embedding->sample_radius || !embedding->element_centre || !embedding->element_glue) return 0;
+    embedding->element_centre = (dgfem_vec3 *)dgfemi_allocate(hooks, elements, sizeof(dgfem_vec3));
+    embedding->element_glue = (int *)dgfemi_allocate(hooks, elements, sizeof(int));
+    embedding->element_box = (dgfem_vec3 *)dgfemi_allocate(hooks, 2 * elements, sizeof(dgfem_vec3));
+    embedding->element_reach = (dgfem_real *)dgfemi_duplicate(hooks, sampling->reach, elements, sizeof(dgfem_real));
+    if (!embedding->sample_radius || !embedding->element_centre || !embedding->element_glue ||
+        !embedding->element_box || !embedding->element_reach)
+        return 0;
     for (int e = 0; e < mesh->element_count; e++) {
         embedding->element_centre[e] = mesh->elements[e].centre;
         embedding->element_glue[e] = sampling->neighbour_start[e + 1] - sampling->neighbour_start[e];
-    }
-    return 1;
-}
-
-/* Finds the elements that are the same. */
-static int dgfemi_reuse_match_elements(dgfemi_reuse *reuse, const dgfemi_sampling *sampling, dgfemi_buckets *buckets) {
-    const dgfem_embedding *old = reuse->old;
-    const dgfem_mesh *mesh = sampling->mesh;
-    const dgfem_hooks *hooks = &sampling->embedding->hooks;
-    if (!dgfemi_buckets_reset(hooks, buckets, old->element_count)) return 0;
-    for (int e = 0; e < old->element_count; e++) {
-        reuse->new_element[e] = DGFEM_NONE;
-        if (!dgfemi_buckets_insert(hooks, buckets, e, dgfemi_hash_position(old->element_centre[e]))) return 0;
-    }
-    for (int e = 0; e < mesh->element_count; e++) {
-        int glue = sampling->neighbour_start[e + 1] - sampling->neighbour_start[e];
-        int i = dgfemi_buckets_first(buckets, dgfemi_hash_position(mesh->elements[e].centre));
-        while (i != DGFEM_NONE && (!dgfemi_same_position(old->element_centre[i], mesh->elements[e].centre) ||
-                                   old->element_glue[i] != glue))
-            i = buckets->next[i];
-        reuse->old_element[e] = i;
-        if (i != DGFEM_NONE) reuse->new_element[i] = e;
+        embedding->element_box[2 * e] = sampling->locator->lower[e];
+        embedding->element_box[2 * e + 1] = sampling->locator->upper[e];
     }
     return 1;
 }
@@ -13126,7 +13253,7 @@ static int dgfemi_reuse_same_terms(const dgfemi_reuse *reuse, const dgfem_embedd
     const int *terms = embedding->term_start, *old_terms = reuse->old->term_start;
     if (terms[sample + 1] - terms[sample] != old_terms[old + 1] - old_terms[old]) return 0;
     for (int i = old_terms[old]; i < old_terms[old + 1]; i++) {
-        int element = reuse->new_element[reuse->old->term_element[i]], found = 0;
+        int element = reuse->kinship.new_element[reuse->old->term_element[i]], found = 0;
         for (int t = terms[sample]; t < terms[sample + 1]; t++) found |= embedding->term_element[t] == element;
         if (!found) return 0;
     }
@@ -13152,102 +13279,269 @@ static int dgfemi_reuse_match_samples(dgfemi_reuse *reuse, dgfemi_sampling *samp
         reuse->new_sample[i] = s;
         sampling->radius[s] = old->sample_radius[i];
     }
-    memcpy(reuse->radius, sampling->radius, (size_t)embedding->sample_count * sizeof(dgfem_real));
     return 1;
 }
 
-/* Whether nothing that has changed reaches a place. */
-static int dgfemi_reuse_is_quiet(const dgfemi_reuse *reuse, const dgfemi_sampling *sampling, dgfem_real reach,
-                                 dgfem_vec3 x) {
-    const dgfem_embedding *embedding = sampling->embedding;
-    for (int e = 0; e < sampling->mesh->element_count; e++)
-        if (reuse->old_element[e] == DGFEM_NONE && dgfemi_sampling_distance(sampling, e, x) < reach) return 0;
-    for (int s = 0; s < embedding->sample_count; s++)
-        if (!reuse->known[s] && dgfemi_distance(embedding->samples[s], x) < sampling->radius[s]) return 0;
-    return 1;
-}
-
-static int dgfemi_reuse_has_samples(const dgfemi_reuse *reuse, int point) {
-    for (int i = reuse->old->weight_start[point]; i < reuse->old->weight_start[point + 1]; i++)
-        if (reuse->new_sample[reuse->old->weight_sample[i]] == DGFEM_NONE) return 0;
-    return 1;
-}
-
-/* Decides which points keep their weights. 1 on success. */
-static int dgfemi_reuse_make(dgfemi_arena *arena, dgfemi_reuse *reuse, dgfemi_sampling *sampling,
-                             const dgfem_vec3 *windows) {
-    const dgfem_embedding *old = reuse->old, *embedding = sampling->embedding;
-    size_t elements = (size_t)sampling->mesh->element_count, samples = (size_t)embedding->sample_count;
-    dgfemi_buckets buckets;
-    dgfem_real reach = 0;
-    int ok;
-    reuse->old_element = (int *)dgfemi_arena_allocate(arena, elements, sizeof(int));
-    reuse->new_element = (int *)dgfemi_arena_allocate(arena, (size_t)old->element_count, sizeof(int));
-    reuse->new_sample = (int *)dgfemi_arena_allocate(arena, (size_t)old->sample_count, sizeof(int));
-    reuse->known = (char *)dgfemi_arena_allocate(arena, samples, 1);
-    reuse->radius = (dgfem_real *)dgfemi_arena_allocate(arena, samples, sizeof(dgfem_real));
-    if (!reuse->old_element || !reuse->new_element || !reuse->new_sample || !reuse->known || !reuse->radius) return 0;
-    memset(&buckets, 0, sizeof buckets);
-    ok =
-        dgfemi_reuse_match_elements(reuse, sampling, &buckets) && dgfemi_reuse_match_samples(reuse, sampling, &buckets);
-    dgfemi_buckets_free(&embedding->hooks, &buckets);
-    if (!ok) return 0;
-    dgfemi_sampling_update_reach(sampling);
-    for (int s = 0; s < embedding->sample_count; s++) reach = dgfemi_max(reach, sampling->radius[s]);
-    for (int p = 0; p < embedding->point_count && p < old->point_count; p++)
-        reuse->keep[p] = reuse->old_element[embedding->point_element[p]] == old->point_element[p] &&
-                         dgfemi_same_position(embedding->points[p], old->points[p]) &&
-                         dgfemi_reuse_has_samples(reuse, p) &&
-                         dgfemi_reuse_is_quiet(reuse, sampling, reach, windows[p]);
-    return 1;
-}
-
-/* Windows that have grown since may reach further points. */
-static void dgfemi_reuse_revise(dgfemi_reuse *reuse, const dgfemi_sampling *sampling, const dgfem_vec3 *windows) {
-    const dgfem_embedding *embedding = sampling->embedding;
-    for (int s = 0; s < embedding->sample_count; s++) {
-        if (!(sampling->radius[s] > reuse->radius[s])) continue;
-        for (int p = 0; p < embedding->point_count; p++)
-            if (dgfemi_distance(embedding->samples[s], windows[p]) < sampling->radius[s]) reuse->keep[p] = 0;
-    }
-}
-
-/* The old weights of a point, as if they had been computed. */
-static void dgfemi_reuse_weights(const dgfemi_reuse *reuse, int point, dgfemi_query *query) {
+/* Whether a point could keep its weights for all that it knows itself. */
+static int dgfemi_reuse_is_same(const dgfemi_reuse *reuse, const dgfem_embedding *embedding, int point) {
     const dgfem_embedding *old = reuse->old;
-    query->count = 0;
-    for (int i = old->weight_start[point]; i < old->weight_start[point + 1]; i++) {
-        query->sample[query->count] = reuse->new_sample[old->weight_sample[i]];
-        query->theta[query->count++] = old->weight[i];
-    }
-    dgfemi_query_sort(query);
-    memcpy(query->weight, query->theta, (size_t)query->count * sizeof(dgfem_real));
+    if (reuse->kinship.old_element[embedding->point_element[point]] != old->point_element[point]) return 0;
+    if (!dgfemi_same_position(embedding->points[point], old->points[point])) return 0;
+    if (!dgfemi_same_position(embedding->point_window[point], old->point_window[point])) return 0;
+    for (int i = old->weight_start[point]; i < old->weight_start[point + 1]; i++)
+        if (reuse->new_sample[old->weight_sample[i]] == DGFEM_NONE) return 0;
+    return 1;
 }
 
-/* Weights of all points, kept or new. 1 on success, 0 when out of memory. */
-static int dgfemi_embedding_weigh(dgfemi_query *query, dgfem_embedding *embedding, const dgfem_vec3 *windows,
-                                  const dgfemi_reuse *reuse) {
-    int sample_capacity = 0, weight_capacity = 0;
-    embedding->weight_start[0] = 0;
+/* A sample of a changed element reaches no further than the element does. */
+static int dgfemi_reuse_disturbs(const dgfemi_reuse *reuse, const dgfem_embedding *embedding, int sample) {
+    if (reuse->known[sample]) return 0;
+    for (int t = embedding->term_start[sample]; t < embedding->term_start[sample + 1]; t++)
+        if (reuse->kinship.old_element[embedding->term_element[t]] == DGFEM_NONE) return 0;
+    return 1;
+}
+
+/* Lets go of the weights that elements come or gone and new samples reach. */
+static void dgfemi_reuse_disturb(dgfemi_reuse *reuse, const dgfemi_sampling *sampling, const dgfemi_crowds *crowds) {
+    const dgfem_embedding *old = reuse->old, *embedding = sampling->embedding;
+    int elements = sampling->mesh->element_count;
+    dgfemi_disturbance d;
+    d.from = 0;
+    for (int e = 0; e < elements; e++) {
+        if (reuse->kinship.old_element[e] != DGFEM_NONE) continue;
+        d.lower = sampling->locator->lower[e], d.upper = sampling->locator->upper[e], d.limit = sampling->reach[e];
+        dgfemi_crowds_disturb(crowds, embedding, elements, &d, reuse->keep);
+    }
+    for (int e = 0; e < old->element_count; e++) {
+        if (reuse->kinship.new_element[e] != DGFEM_NONE) continue;
+        d.lower = old->element_box[2 * e], d.upper = old->element_box[2 * e + 1], d.limit = old->element_reach[e];
+        dgfemi_crowds_disturb(crowds, embedding, elements, &d, reuse->keep);
+    }
+    for (int s = 0; s < embedding->sample_count; s++) {
+        if (!dgfemi_reuse_disturbs(reuse, embedding, s)) continue;
+        d.lower = d.upper = embedding->samples[s], d.limit = sampling->radius[s];
+        dgfemi_crowds_disturb(crowds, embedding, elements, &d, reuse->keep);
+    }
+}
+
+/* Finds the samples that are the same. 1 on success. */
+static int dgfemi_reuse_make(dgfemi_arena *arena, dgfemi_reuse *reuse, dgfemi_sampling *sampling) {
+    dgfemi_buckets buckets;
+    int ok;
+    reuse->new_sample = (int *)dgfemi_arena_allocate(arena, (size_t)reuse->old->sample_count, sizeof(int));
+    reuse->known = (char *)dgfemi_arena_allocate(arena, (size_t)sampling->embedding->sample_count, 1);
+    if (!reuse->new_sample || !reuse->known) return 0;
+    memset(&buckets, 0, sizeof buckets);
+    ok = dgfemi_reuse_match_samples(reuse, sampling, &buckets);
+    dgfemi_buckets_free(&sampling->embedding->hooks, &buckets);
+    return ok;
+}
+
+/* ---- the embedding of points ---- */
+
+/* Weights made anew, in the order in which they were. */
+typedef struct dgfemi_weights {
+    const dgfem_hooks *hooks;
+    int *sample;
+    dgfem_real *weight;
+    int used, sample_capacity, weight_capacity;
+    int *first, *count; /* [points] */
+    char *open;         /* [points] 1: has no weights yet */
+} dgfemi_weights;
+
+/* The query's samples and weights become those of the point. 1 on success. */
+static int dgfemi_weights_append(dgfemi_weights *weights, const dgfemi_query *query, int point) {
+    int needed = weights->used + query->count;
+    if (query->count > INT_MAX - weights->used) return 0;
+    if (needed > weights->sample_capacity) {
+        void *grown =
+            dgfemi_grow(weights->hooks, weights->sample, &weights->sample_capacity, needed, sizeof(int));
+        if (!grown) return 0;
+        weights->sample = (int *)grown;
+    }
+    if (needed > weights->weight_capacity) {
+        void *grown =
+            dgfemi_grow(weights->hooks, weights->weight, &weights->weight_capacity, needed, sizeof(dgfem_real));
+        if (!grown) return 0;
+        weights->weight = (dgfem_real *)grown;
+    }
+    memcpy(weights->sample + weights->used, query->sample, (size_t)query->count * sizeof(int));
+    memcpy(weights->weight + weights->used, query->weight, (size_t)query->count * sizeof(dgfem_real));
+    weights->first[point] = weights->used, weights->count[point] = query->count;
+    weights->open[point] = 0;
+    weights->used = needed;
+    return 1;
+}
+
+/* Weighs a point if the samples that reach it, `round` enlargements on, determine the fit; else it stays open. 1 on
+   success, 0 when out of memory. */
+static int dgfemi_weights_try(dgfemi_weights *weights, dgfemi_query *query, int point, int round) {
+    const dgfemi_sampling *sampling = query->sampling;
+    const dgfem_embedding *embedding = sampling->embedding;
+    dgfem_vec3 x = embedding->points[point];
+    int home = embedding->point_element[point], found;
+    dgfemi_fit fit;
+    dgfemi_query_run(query, home, embedding->point_window[point]);
+    found = round >= DGFEM_MAX_ROUNDS ||
+            query->count == sampling->component_samples[sampling->component[home]]; /* there are no more */
+    if (!found && query->count < DGFEM_MIN_POINT_SAMPLES) return 1;
+    dgfemi_query_normalize(query);
+    dgfemi_sort_samples(query->sample, query->theta, query->count);
+    dgfemi_query_fit(query, x, &fit);
+    if (!found && round < DGFEM_CONDITION_ROUNDS && !(fit.moment[0] * DGFEM_MAX_CONDITION > fit.moment[2])) return 1;
+    if (dgfemi_fit_is_flat(&fit)) {
+        dgfemi_query_take_element(query, home);
+        dgfemi_query_fit(query, x, &fit);
+    }
+    dgfemi_query_weights(query, &fit, x);
+    return dgfemi_weights_append(weights, query, point);
+}
+
+static void dgfemi_mark_samples(const dgfemi_sampling *sampling, int element, char *enlarge) {
+    for (int i = sampling->element_start[element]; i < sampling->element_start[element + 1]; i++)
+        enlarge[sampling->element_sample[i]] = 1;
+}
+
+/* Marks the samples of the elements that the query has visited and of their neighbours. */
+static void dgfemi_query_mark(const dgfemi_query *query, char *enlarge) {
+    const dgfemi_sampling *sampling = query->sampling;
+    for (int i = 0; i < query->visited_count; i++) {
+        int e = query->visited[i];
+        dgfemi_mark_samples(sampling, e, enlarge);
+        for (int k = sampling->neighbour_start[e]; k < sampling->neighbour_start[e + 1]; k++)
+            dgfemi_mark_samples(sampling, sampling->neighbour[k], enlarge);
+    }
+}
+
+static void dgfemi_sampling_enlarge(dgfemi_sampling *sampling, const char *enlarge) {
+    for (int s = 0; s < sampling->embedding->sample_count; s++) {
+        if (!enlarge[s]) continue;
+        sampling->radius[s] *= DGFEM_ENLARGE;
+        dgfemi_sampling_flood(sampling, s);
+    }
+}
+
+/* Opens the points that enlarged windows reach, and those that see through elements that nothing saw through before. */
+static void dgfemi_weights_reopen(dgfemi_weights *weights, const dgfemi_sampling *sampling, const dgfemi_crowds *crowds,
+                                  const dgfem_real *radius, const dgfem_real *reach, dgfemi_reuse *reuse, char *calm) {
+    const dgfem_embedding *embedding = sampling->embedding;
+    int elements = sampling->mesh->element_count;
+    dgfemi_disturbance d;
+    memset(calm, 1, (size_t)embedding->point_count);
+    for (int s = 0; s < embedding->sample_count; s++) {
+        if (!(sampling->radius[s] > radius[s])) continue;
+        d.lower = d.upper = embedding->samples[s], d.from = 0, d.limit = sampling->radius[s];
+        dgfemi_crowds_disturb(crowds, embedding, elements, &d, calm);
+    }
+    for (int e = 0; e < elements; e++) {
+        if (!(sampling->reach[e] > reach[e])) continue;
+        d.lower = sampling->locator->lower[e], d.upper = sampling->locator->upper[e];
+        d.from = reach[e], d.limit = sampling->reach[e];
+        dgfemi_crowds_disturb(crowds, embedding, elements, &d, calm);
+    }
+    for (int p = 0; p < embedding->point_count; p++)
+        if (!calm[p]) weights->open[p] = 1, reuse->keep[p] = 0;
+}
+
+/* Weighs all open points. Enlarges the windows of the samples around poorly served ones, once per round, until all are
+   served; then points that the larger windows reach are weighed again. 1 on success. */
+static int dgfemi_weights_make(dgfemi_arena *arena, dgfemi_weights *weights, dgfemi_query *query,
+                               const dgfemi_crowds *crowds, dgfemi_reuse *reuse) {
+    dgfemi_sampling *sampling = query->sampling;
+    const dgfem_embedding *embedding = sampling->embedding;
+    size_t samples = (size_t)embedding->sample_count, elements = (size_t)sampling->mesh->element_count;
+    dgfem_real *radius = (dgfem_real *)dgfemi_arena_allocate(arena, samples, sizeof(dgfem_real));
+    dgfem_real *reach = (dgfem_real *)dgfemi_arena_allocate(arena, elements, sizeof(dgfem_real));
+    char *enlarge = (char *)dgfemi_arena_allocate(arena, samples, 1);
+    char *calm = (char *)dgfemi_arena_allocate(arena, (size_t)embedding->point_count, 1);
+    int round = 0;
+    if (!radius || !reach || !enlarge || !calm) return 0;
+    memcpy(radius, sampling->radius, samples * sizeof(dgfem_real));
+    memcpy(reach, sampling->reach, elements * sizeof(dgfem_real));
+    for (; round < DGFEM_MAX_ROUNDS; round++) {
+        int poor = 0;
+        memset(enlarge, 0, samples);
+        for (int p = 0; p < embedding->point_count; p++) {
+            if (!weights->open[p]) continue;
+            if (!dgfemi_weights_try(weights, query, p, round)) return 0;
+            if (!weights->open[p]) continue;
+            poor++;
+            dgfemi_query_mark(query, enlarge);
+        }
+        if (poor == 0) break;
+        dgfemi_sampling_enlarge(sampling, enlarge);
+    }
+    if (round == 0) return 1;
+    dgfemi_weights_reopen(weights, sampling, crowds, radius, reach, reuse, calm);
+    for (int p = 0; p < embedding->point_count; p++)
+        if (weights->open[p] && !dgfemi_weights_try(weights, query, p, DGFEM_MAX_ROUNDS)) return 0;
+    return 1;
+}
+
+/* The old weights of a point. */
+static void dgfemi_reuse_weights(const dgfemi_reuse *reuse, int point, int *samples, dgfem_real *weights) {
+    const dgfem_embedding *old = reuse->old;
+    int first = old->weight_start[point], count = old->weight_start[point + 1] - first, sorted = 1;
+    memcpy(weights, old->weight + first, (size_t)count * sizeof(dgfem_real));
+    for (int i = 0; i < count; i++) {
+        samples[i] = reuse->new_sample[old->weight_sample[first + i]];
+        if (i > 0 && samples[i] < samples[i - 1]) sorted = 0;
+    }
+    if (!sorted) dgfemi_sort_samples(samples, weights, count);
+}
+
+/* All points' weights, kept or new, in the order of the points. 1 on success. */
+static int dgfemi_embedding_gather(dgfem_embedding *embedding, const dgfemi_weights *weights,
+                                   const dgfemi_reuse *reuse) {
+    int total = 0;
     for (int p = 0; p < embedding->point_count; p++) {
-        dgfemi_fit fit;
+        int count = reuse->keep[p] ? reuse->old->weight_start[p + 1] - reuse->old->weight_start[p] : weights->count[p];
+        if (count > INT_MAX - total) return 0;
+        embedding->weight_start[p] = total;
+        total += count;
+    }
+    embedding->weight_start[embedding->point_count] = total;
+    embedding->weight_sample = (int *)dgfemi_allocate(&embedding->hooks, (size_t)total, sizeof(int));
+    embedding->weight = (dgfem_real *)dgfemi_allocate(&embedding->hooks, (size_t)total, sizeof(dgfem_real));
+    if (!embedding->weight_sample || !embedding->weight) return 0;
+    for (int p = 0; p < embedding->point_count; p++) {
+        int *samples = embedding->weight_sample + embedding->weight_start[p];
+        dgfem_real *values = embedding->weight + embedding->weight_start[p];
         if (reuse->keep[p]) {
-            dgfemi_reuse_weights(reuse, p, query);
-            if (!dgfemi_embedding_append(embedding, query, p, &sample_capacity, &weight_capacity)) return 0;
+            dgfemi_reuse_weights(reuse, p, samples, values);
             continue;
         }
-        dgfemi_query_run(query, embedding->point_element[p], windows[p]);
-        dgfemi_query_normalize(query);
-        dgfemi_query_sort(query);
-        dgfemi_query_fit(query, embedding->points[p], &fit);
-        if (dgfemi_fit_is_flat(&fit)) {
-            dgfemi_query_take_element(query, embedding->point_element[p]);
-            dgfemi_query_fit(query, embedding->points[p], &fit);
-        }
-        dgfemi_query_weights(query, &fit, embedding->points[p]);
-        if (!dgfemi_embedding_append(embedding, query, p, &sample_capacity, &weight_capacity)) return 0;
+        memcpy(samples, weights->sample + weights->first[p], (size_t)weights->count[p] * sizeof(int));
+        memcpy(values, weights->weight + weights->first[p], (size_t)weights->count[p] * sizeof(dgfem_real));
     }
     return 1;
+}
+
+/* Weights of all points that do not keep theirs. 1 on success, 0 when out of memory. */
+static int dgfemi_embedding_weigh(dgfemi_arena *arena, dgfem_embedding *embedding, dgfemi_sampling *sampling,
+                                  dgfemi_query *query, dgfemi_reuse *reuse) {
+    size_t points = (size_t)embedding->point_count;
+    dgfemi_crowds crowds;
+    dgfemi_weights weights;
+    int ok;
+    memset(&weights, 0, sizeof weights);
+    weights.hooks = &embedding->hooks;
+    weights.first = (int *)dgfemi_arena_allocate(arena, points, sizeof(int));
+    weights.count = (int *)dgfemi_arena_allocate(arena, points, sizeof(int));
+    weights.open = (char *)dgfemi_arena_allocate(arena, points, 1);
+    if (!weights.first || !weights.count || !weights.open) return 0;
+    if (!dgfemi_crowds_make(arena, embedding, sampling->mesh->element_count, &crowds)) return 0;
+    if (reuse->old) {
+        for (int p = 0; p < embedding->point_count && p < reuse->old->point_count; p++)
+            reuse->keep[p] = (char)dgfemi_reuse_is_same(reuse, embedding, p);
+        dgfemi_reuse_disturb(reuse, sampling, &crowds);
+    }
+    for (int p = 0; p < embedding->point_count; p++) weights.open[p] = !reuse->keep[p];
+    ok = dgfemi_weights_make(arena, &weights, query, &crowds, reuse) &&
+         dgfemi_embedding_gather(embedding, &weights, reuse);
+    dgfemi_free(&embedding->hooks, weights.sample);
+    dgfemi_free(&embedding->hooks, weights.weight);
+    return ok;
 }
 
 /* Reads the points. DGFEM_ERROR_NOT_FINITE names the first bad one. */
@@ -13255,8 +13549,10 @@ static dgfem_status dgfemi_embedding_read_points(dgfem_embedding *embedding, con
     embedding->point_count = points->count;
     embedding->points = (dgfem_vec3 *)dgfemi_allocate(&embedding->hooks, (size_t)points->count, sizeof(dgfem_vec3));
     embedding->point_element = (int *)dgfemi_allocate(&embedding->hooks, (size_t)points->count, sizeof(int));
+    embedding->point_window =
+        (dgfem_vec3 *)dgfemi_allocate(&embedding->hooks, (size_t)points->count, sizeof(dgfem_vec3));
     embedding->weight_start = (int *)dgfemi_allocate_zero(&embedding->hooks, (size_t)points->count + 1, sizeof(int));
-    if (!embedding->points || !embedding->point_element || !embedding->weight_start)
+    if (!embedding->points || !embedding->point_element || !embedding->point_window || !embedding->weight_start)
         return dgfemi_fail_memory(&embedding->hooks);
     for (int p = 0; p < points->count; p++) {
         embedding->points[p] = dgfemi_point_read(points, p);
@@ -13268,41 +13564,41 @@ static dgfem_status dgfemi_embedding_read_points(dgfem_embedding *embedding, con
     return DGFEM_OK;
 }
 
-/* Samples, locations and weights, with temporary memory from the arena. homes[p]: the element from which point p is
-   reached, wherever it lies; DGFEM_NONE: the nearest one; homes may be NULL. `old`, of the same first points before the
-   body's topology changed, may be NULL. 1 on success, 0 when out of memory. */
+/* Samples, places and weights, with temporary memory from the arena. `places` may be NULL: found from `anchors`, as in
+   dgfemi_places_find. `old`, of the same first points before the body's topology changed, may be NULL. 1 on success, 0
+   when out of memory. */
 static int dgfemi_embedding_build(dgfemi_arena *arena, const dgfem_body *body, const dgfem_corners *corners,
-                                  const int *homes, const dgfem_embedding *old, dgfem_embedding *embedding) {
+                                  const dgfem_vec3 *anchors, const dgfemi_places *places, const dgfem_embedding *old,
+                                  dgfem_embedding *embedding) {
+    size_t points = (size_t)embedding->point_count;
     dgfemi_locator locator;
+    dgfemi_places found;
     dgfemi_reuse reuse;
     dgfemi_sampling sampling;
     dgfemi_query query;
-    dgfem_vec3 *windows;
-    char *open, *enlarge;
-    if (!dgfemi_embedding_choose_samples(arena, embedding, body, corners) ||
-        !dgfemi_locator_make(arena, body->mesh, &locator) ||
-        !dgfemi_sampling_make(arena, body->mesh, embedding, &locator, &sampling) ||
-        !dgfemi_query_make(arena, &sampling, &query))
-        return 0;
-    windows = (dgfem_vec3 *)dgfemi_arena_allocate(arena, (size_t)embedding->point_count, sizeof(dgfem_vec3));
-    open = (char *)dgfemi_arena_allocate(arena, (size_t)embedding->point_count, 1);
-    enlarge = (char *)dgfemi_arena_allocate(arena, (size_t)embedding->sample_count, 1);
     memset(&reuse, 0, sizeof reuse);
     reuse.old = old;
-    reuse.keep = (char *)dgfemi_arena_allocate_zero(arena, (size_t)embedding->point_count, 1);
-    if (!windows || !open || !enlarge || !reuse.keep) return 0;
-    for (int p = 0; p < embedding->point_count; p++) {
-        dgfem_vec3 x = embedding->points[p];
-        dgfemi_location location =
-            homes && homes[p] != DGFEM_NONE ? dgfemi_locate_in(body->mesh, homes[p], x) : dgfemi_locate(&locator, x);
-        embedding->point_element[p] = location.element;
-        windows[p] = dgfemi_window_position(body->mesh, &location, x);
+    reuse.keep = (char *)dgfemi_arena_allocate_zero(arena, points, 1);
+    if (!reuse.keep || !dgfemi_embedding_choose_samples(arena, embedding, body, corners) ||
+        !dgfemi_locator_make(arena, body->mesh, &locator) ||
+        !dgfemi_sampling_make(arena, body->mesh, embedding, &locator, &sampling) ||
+        !dgfemi_query_make(arena, &sampling, &query) ||
+        (old && !dgfemi_kinship_make(arena, body->mesh, old, &reuse.kinship)) ||
+        (old && !dgfemi_reuse_make(arena, &reuse, &sampling)))
+        return 0;
+    if (places) {
+        found = *places;
+    } else {
+        if (!dgfemi_places_allocate(arena, embedding->point_count, &found)) return 0;
+        dgfemi_places_find(&locator, embedding->points, anchors, embedding->point_count, old, &reuse.kinship, &found);
     }
-    if (old && !dgfemi_reuse_make(arena, &reuse, &sampling, windows)) return 0;
-    for (int p = 0; p < embedding->point_count; p++) open[p] = !reuse.keep[p];
-    dgfemi_enlarge_windows(&query, embedding, windows, open, enlarge);
-    if (old) dgfemi_reuse_revise(&reuse, &sampling, windows);
-    return dgfemi_embedding_weigh(&query, embedding, windows, &reuse) && dgfemi_embedding_sign(embedding, &sampling);
+    if (points > 0) {
+        memcpy(embedding->point_element, found.element, points * sizeof(int));
+        memcpy(embedding->point_window, found.window, points * sizeof(dgfem_vec3));
+    }
+    dgfemi_sampling_update_reach(&sampling);
+    return dgfemi_embedding_weigh(arena, embedding, &sampling, &query, &reuse) &&
+           dgfemi_embedding_sign(embedding, &sampling);
 }
 
 DGFEM_API void dgfem_embedding_destroy(dgfem_embedding *embedding) {
@@ -13316,12 +13612,15 @@ DGFEM_API void dgfem_embedding_destroy(dgfem_embedding *embedding) {
     dgfemi_free(&hooks, embedding->term_basis);
     dgfemi_free(&hooks, embedding->points);
     dgfemi_free(&hooks, embedding->point_element);
+    dgfemi_free(&hooks, embedding->point_window);
     dgfemi_free(&hooks, embedding->weight_start);
     dgfemi_free(&hooks, embedding->weight_sample);
     dgfemi_free(&hooks, embedding->weight);
     dgfemi_free(&hooks, embedding->sample_radius);
     dgfemi_free(&hooks, embedding->element_centre);
     dgfemi_free(&hooks, embedding->element_glue);
+    dgfemi_free(&hooks, embedding->element_box);
+    dgfemi_free(&hooks, embedding->element_reach);
     dgfemi_free(&hooks, embedding);
 }
 
@@ -13333,7 +13632,9 @@ static dgfem_embedding *dgfemi_embedding_new(const dgfem_body *body, const dgfem
     return embedding;
 }
 
-static dgfem_status dgfemi_embedding_create_at(const dgfem_body *body, const dgfem_points_in *points, const int *homes,
+/* anchors, places and old as in dgfemi_embedding_build. */
+static dgfem_status dgfemi_embedding_create_at(const dgfem_body *body, const dgfem_points_in *points,
+                                               const dgfem_vec3 *anchors, const dgfemi_places *places,
                                                const dgfem_embedding *old, const dgfem_hooks *hooks,
                                                dgfem_embedding **out) {
     dgfem_embedding *embedding = dgfemi_embedding_new(body, hooks);
@@ -13343,7 +13644,7 @@ static dgfem_status dgfemi_embedding_create_at(const dgfem_body *body, const dgf
     if (!embedding) return dgfemi_fail_memory(hooks);
     status = dgfemi_embedding_read_points(embedding, points);
     if (status == DGFEM_OK) status = dgfem_mesh_corners(body->mesh, &corners);
-    if (status == DGFEM_OK && !dgfemi_embedding_build(&arena, body, corners, homes, old, embedding))
+    if (status == DGFEM_OK && !dgfemi_embedding_build(&arena, body, corners, anchors, places, old, embedding))
         status = dgfemi_fail_memory(hooks);
     dgfemi_arena_free(&arena);
     dgfem_corners_destroy(corners);
@@ -13357,7 +13658,7 @@ static dgfem_status dgfemi_embedding_create_at(const dgfem_body *body, const dgf
 
 static dgfem_status dgfemi_embedding_create(const dgfem_body *body, const dgfem_points_in *points,
                                             const dgfem_hooks *hooks, dgfem_embedding **out) {
-    return dgfemi_embedding_create_at(body, points, NULL, NULL, hooks, out);
+    return dgfemi_embedding_create_at(body, points, NULL, NULL, NULL, hooks, out);
 }
 
 DGFEM_API dgfem_status dgfem_embedding_create(const dgfem_body *body, dgfem_points_in points, dgfem_embedding **out) {
@@ -13598,9 +13899,11 @@ static void dgfemi_contacts_destroy(dgfem_contacts *contacts) {
 }
 
 /* Contact points of a body: the given rest positions, each with its area; or, where `points` is NULL, the boundary
-   corners of the mesh with their parts of the boundary. */
-static dgfem_status dgfemi_contacts_create(const dgfem_body *body, const dgfem_points_in *points,
-                                           const dgfem_real *areas, dgfem_contacts **out) {
+   corners of the mesh with their parts of the boundary. `old`: an embedding of the same points in the body before its
+   elements changed, or NULL. */
+static dgfem_status dgfemi_contacts_create_from(const dgfem_body *body, const dgfem_points_in *points,
+                                                const dgfem_real *areas, const dgfem_embedding *old,
+                                                dgfem_contacts **out) {
     const dgfem_hooks *hooks = &body->hooks;
     dgfem_contacts *contacts = (dgfem_contacts *)dgfemi_allocate_zero(hooks, 1, sizeof *contacts);
     dgfem_status status;
@@ -13609,7 +13912,7 @@ static dgfem_status dgfemi_contacts_create(const dgfem_body *body, const dgfem_p
     contacts->hooks = *hooks;
     contacts->from_corners = !points;
     if (points) {
-        status = dgfemi_embedding_create(body, points, hooks, &contacts->embedding);
+        status = dgfemi_embedding_create_at(body, points, NULL, NULL, old, hooks, &contacts->embedding);
         if (status == DGFEM_OK) {
             contacts->area = (dgfem_real *)dgfemi_duplicate(hooks, areas, (size_t)points->count, sizeof(dgfem_real));
             if (!contacts->area) status = dgfemi_fail_memory(hooks);
@@ -13626,11 +13929,16 @@ static dgfem_status dgfemi_contacts_create(const dgfem_body *body, const dgfem_p
     return DGFEM_OK;
 }
 
+static dgfem_status dgfemi_contacts_create(const dgfem_body *body, const dgfem_points_in *points,
+                                           const dgfem_real *areas, dgfem_contacts **out) {
+    return dgfemi_contacts_create_from(body, points, areas, NULL, out);
+}
+
 /* The same contact points for a body whose polynomials or elements have changed. */
 static dgfem_status dgfemi_contacts_renew(const dgfem_contacts *old, const dgfem_body *body, dgfem_contacts **out) {
     if (old->from_corners) return dgfemi_contacts_create(body, NULL, NULL, out);
     dgfem_points_in points = dgfem_points_in_vec3(old->embedding->points, old->embedding->point_count);
-    return dgfemi_contacts_create(body, &points, old->area, out);
+    return dgfemi_contacts_create_from(body, &points, old->area, old->embedding, out);
 }
 
 /* ---- one contact ---- */
@@ -16366,6 +16674,7 @@ static dgfem_status dgfemi_edit_add_union(dgfemi_edit *edit, dgfem_mesh *merged,
         if (!dgfemi_edit_add_members(edit, &edit->fields[edit->mesh->elements[members[i]].tag], start))
             return dgfemi_fail_memory(hooks);
     field.source = DGFEM_NONE;
+    field.divided = 1;
     field.origin = projection.origin, field.scale = projection.scale;
     field.first = edit->displacement.count;
     field.family = dgfemi_edit_family_of(edit, members, count);
@@ -16400,8 +16709,12 @@ static dgfem_status dgfemi_edit_add_unions(dgfemi_edit *edit, dgfem_mesh *merged
         members[--start[root + 1]] = e;
     }
     for (int e = 0; e < n; e++) {
-        int first = start[e + 1], end = e + 1 < n ? start[e + 2] : n;
+        int first = start[e + 1], end = e + 1 < n ? start[e + 2] : n, largest = first;
         if (end - first < 2) continue;
+        for (int i = first + 1; i < end; i++) /* comes first: the union takes tag, material and rotation from it */
+            if (edit->mesh->elements[members[i]].volume > edit->mesh->elements[members[largest]].volume) largest = i;
+        int member = members[largest];
+        members[largest] = members[first], members[first] = member;
         dgfem_status status = dgfemi_edit_add_union(edit, merged, e, members + first, end - first);
         if (status) return status;
     }
@@ -16612,9 +16925,7 @@ static void dgfemi_project_degree(const dgfem_real *mass, int n_old, int n_new, 
         memcpy(m + i * n_new, mass + i * n_old, (size_t)n_new * sizeof *m);
         for (int j = 0; j < n_old; j++) out[i] = dgfemi_add_scaled(out[i], mass[i * n_old + j], old[j]);
     }
-    int ok = dgfemi_cholesky_dense(m, n_new); /* factored as part of the old mass matrix before */
-    DGFEM_ASSERT(ok);
-    (void)ok;
+    dgfemi_cholesky_dropping(m, n_new); /* a part may be thinner than its functions can tell */
     dgfemi_cholesky_dense_solve(m, n_new, (dgfem_real *)(void *)out, 3);
 }
 
@@ -16785,21 +17096,25 @@ static int dgfemi_renewal_make_forms(dgfemi_renewal *r) {
     return forms->elements && forms->faces && dgfemi_renewal_element_forms(r) && dgfemi_renewal_face_forms(r);
 }
 
-/* Gives integrals back to the pool: those made for the edit, or those of the body that the edit has no use for. */
-static void dgfemi_renewal_give(dgfemi_renewal *r, int made) {
+/* Gives the integrals made for the edit back to the pool. */
+static void dgfemi_renewal_give_new(dgfemi_renewal *r) {
+    const dgfem_hooks *hooks = &r->body->hooks;
+    dgfem_forms *forms = r->next.forms;
+    for (int e = 0; e < r->elements_done; e++) {
+        const dgfemi_element_form *form = &forms->elements[e];
+        if (!r->kept[e]) dgfemi_forms_give(forms, hooks, dgfemi_element_form_size(form->count), form->data);
+    }
+    for (int k = 0; k < forms->face_count; k++) {
+        const dgfemi_face_form *form = &forms->faces[k];
+        if (r->chunk_new[k]) dgfemi_forms_give(forms, hooks, dgfemi_face_form_size(form), form->data);
+    }
+}
+
+/* Gives those of the body that the edited one has no use for back to the pool. */
+static void dgfemi_renewal_give_old(dgfemi_renewal *r) {
     const dgfem_hooks *hooks = &r->body->hooks;
     dgfem_forms *forms = r->next.forms;
     const dgfem_forms *old = r->body->forms;
-    if (made) {
-        for (int e = 0; e < r->elements_done; e++)
-            if (!r->kept[e])
-                dgfemi_forms_give(forms, hooks, dgfemi_element_form_size(forms->elements[e].count),
-                                  forms->elements[e].data);
-        for (int k = 0; k < forms->face_count; k++)
-            if (r->chunk_new[k])
-                dgfemi_forms_give(forms, hooks, dgfemi_face_form_size(&forms->faces[k]), forms->faces[k].data);
-        return;
-    }
     for (int e = 0; e < r->body->mesh->element_count; e++) {
         int first = r->element_start[e], count = r->element_start[e + 1] - first;
         if (count == 1 && r->kept[r->element_child[first]]) continue;
@@ -16845,10 +17160,12 @@ static int dgfemi_renewal_make_items(dgfemi_renewal *r, int c, int *mark) {
     if (point) items[count++] = dgfemi_renewal_find_part(r, condition->items[0], condition->point);
     for (int i = 0; !point && i < condition->count; i++)
         for (int k = start[condition->items[i]]; k < start[condition->items[i] + 1]; k++) {
-            if (!faces && mark[child[k]] == c + 1) continue; /* a union of two items */
-            if (!faces) mark[child[k]] = c + 1;
+            int *first = &mark[child[k]]; /* the item that brought it in; one of another is the same union */
+            if (!faces && *first != DGFEM_NONE && *first != condition->items[i]) continue;
+            if (!faces) *first = condition->items[i];
             items[count++] = child[k];
         }
+    for (int i = 0; !faces && i < count; i++) mark[items[i]] = DGFEM_NONE;
     r->item_count[c] = count;
     return 1;
 }
@@ -16883,6 +17200,7 @@ static int dgfemi_renewal_make_conditions(dgfemi_renewal *r) {
         r->items = NULL;
         return 0;
     }
+    for (int e = 0; e < r->next.mesh->element_count; e++) mark[e] = DGFEM_NONE;
     for (int c = 0; c < r->body->condition_count; c++) {
         if (!dgfemi_renewal_make_items(r, c, mark)) return 0;
         if (r->body->conditions[c].kind == DGFEM_CONDITION_FIX_ELEMENTS && !dgfemi_renewal_make_values(r, c)) return 0;
@@ -16939,7 +17257,7 @@ static void dgfemi_renewal_abort(dgfemi_renewal *r) {
     const dgfem_hooks *hooks = &r->body->hooks;
     dgfem_forms *forms = r->next.forms, *old = r->body->forms;
     if (forms) {
-        dgfemi_renewal_give(r, 1);
+        dgfemi_renewal_give_new(r);
         dgfemi_free(hooks, forms->elements);
         dgfemi_free(hooks, forms->faces);
         forms->elements = old->elements, forms->faces = old->faces;
@@ -16989,7 +17307,7 @@ static dgfem_status dgfemi_renewal_make(dgfemi_renewal *r, dgfemi_edit *edit, dg
 static void dgfemi_renewal_accept(dgfemi_renewal *r) {
     const dgfem_hooks *hooks = &r->body->hooks;
     dgfem_body *body = r->body, last = *body;
-    dgfemi_renewal_give(r, 0);
+    dgfemi_renewal_give_old(r);
     for (int c = 0; c < body->condition_count; c++) {
         dgfem_condition *condition = &body->conditions[c];
         dgfemi_free(hooks, condition->items);
@@ -17000,6 +17318,7 @@ static void dgfemi_renewal_accept(dgfemi_renewal *r) {
         condition->values = r->values[c];
     }
     *body = r->next;
+    body->desc.mesh = body->mesh;
     r->edit->mesh = last.mesh; /* which is freed with the edit */
     dgfemi_update_force(body);
     dgfemi_free(hooks, last.forms->elements);
@@ -18024,12 +18343,13 @@ DGFEM_API void dgfem_skin_destroy(dgfem_skin *skin) {
     dgfemi_free(&hooks, skin);
 }
 
-/* Weights of these points, and room for the values of their samples; what the skin had is not freed. homes as in
-   dgfemi_embedding_build, as is `old`. On failure the skin is as it was. */
+/* Weights of these points, and room for the values of their samples; what the skin had is not freed. anchors, places
+   and old as in dgfemi_embedding_build. On failure the skin is as it was. */
 static dgfem_status dgfemi_skin_embed(dgfem_skin *skin, const dgfem_body *body, const dgfem_points_in *points,
-                                      const int *homes, const dgfem_embedding *old) {
+                                      const dgfem_vec3 *anchors, const dgfemi_places *places,
+                                      const dgfem_embedding *old) {
     dgfem_embedding *embedding = NULL;
-    dgfem_status status = dgfemi_embedding_create_at(body, points, homes, old, &skin->hooks, &embedding);
+    dgfem_status status = dgfemi_embedding_create_at(body, points, anchors, places, old, &skin->hooks, &embedding);
     dgfem_vec3 *displacement;
     if (status != DGFEM_OK) return status;
     displacement = (dgfem_vec3 *)dgfemi_allocate(&skin->hooks, (size_t)embedding->sample_count, sizeof(dgfem_vec3));
@@ -18049,7 +18369,7 @@ static dgfem_status dgfemi_skin_create(const dgfem_body *body, const dgfem_skin_
     if (!skin) return dgfemi_fail_memory(hooks);
     skin->hooks = *hooks;
     if (!dgfemi_skin_allocate(skin, desc)) status = dgfemi_fail_memory(hooks);
-    if (status == DGFEM_OK) status = dgfemi_skin_embed(skin, body, &desc->vertices, NULL, NULL);
+    if (status == DGFEM_OK) status = dgfemi_skin_embed(skin, body, &desc->vertices, NULL, NULL, NULL);
     if (status != DGFEM_OK) {
         dgfem_skin_destroy(skin);
         return status;
@@ -18070,34 +18390,14 @@ DGFEM_API dgfem_status dgfem_skin_create(const dgfem_body *body, const dgfem_ski
 
 /* ---- renewal ---- */
 
-/* homes[v]: the element at the vertex's anchor where that is not its rest position, else DGFEM_NONE. Vertices at a cut
-   have one position and different anchors, on their own sides; these tell their elements whatever was split or merged
-   since. 1 on success, 0 when out of memory. */
-static int dgfemi_skin_homes(dgfemi_arena *arena, const dgfem_mesh *mesh, const dgfem_vec3 *points,
-                             const dgfem_vec3 *anchors, int count, int *homes) {
-    dgfemi_locator locator;
-    if (!dgfemi_locator_make(arena, mesh, &locator)) return 0;
-    for (int v = 0; v < count; v++)
-        homes[v] = memcmp(&points[v], &anchors[v], sizeof points[v]) ? dgfemi_locate(&locator, anchors[v]).element
-                                                                     : DGFEM_NONE;
-    return 1;
-}
-
+/* Vertices at a cut have one position and different anchors, on their own sides; these tell their elements whatever was
+   split or merged since. */
 static dgfem_status dgfemi_skin_renew(dgfem_skin *skin, const dgfem_body *body) {
     const dgfem_hooks hooks = skin->hooks;
     dgfem_embedding *old = skin->embedding;
     dgfem_vec3 *old_displacement = skin->sample_displacement;
     dgfem_points_in points = dgfem_points_in_vec3(old->points, old->point_count);
-    dgfemi_arena arena = dgfemi_arena_make(&hooks);
-    int *homes = NULL;
-    dgfem_status status = DGFEM_OK;
-    if (skin->anchors) {
-        homes = (int *)dgfemi_arena_allocate(&arena, (size_t)skin->vertex_count, sizeof(int));
-        if (!homes || !dgfemi_skin_homes(&arena, body->mesh, old->points, skin->anchors, skin->vertex_count, homes))
-            status = dgfemi_fail_memory(&hooks);
-    }
-    if (status == DGFEM_OK) status = dgfemi_skin_embed(skin, body, &points, homes, old);
-    dgfemi_arena_free(&arena);
+    dgfem_status status = dgfemi_skin_embed(skin, body, &points, skin->anchors, NULL, old);
     if (status != DGFEM_OK) return status;
     dgfem_embedding_destroy(old);
     dgfemi_free(&hooks, old_displacement);
@@ -19322,7 +19622,7 @@ static int dgfemi_skin_make_walls(dgfemi_skin_cutter *c) {
     return ok;
 }
 
-/* ---- homes: no weight across the cut ---- */
+/* ---- places: no weight across the cut ---- */
 
 /* An anchor goes this part of the way from its place to the element's centre: inside, beyond round-off. */
 #define DGFEM_ANCHOR_DEPTH DGFEM_R(0.02)
@@ -19377,50 +19677,74 @@ static int dgfemi_skin_find_sides(dgfemi_arena *arena, const dgfemi_skin_cutter 
 
 /* The element on a side that is nearest to x, of those around `element`; it must be reached through glued faces and
    through this cut, not through earlier ones. Without any the element itself. */
-static int dgfemi_skin_nearest_on_side(dgfemi_blade_sides *sides, const dgfemi_locator *locator, int element,
-                                       dgfem_vec3 x, int side) {
+static dgfemi_location dgfemi_skin_nearest_on_side(dgfemi_blade_sides *sides, const dgfemi_locator *locator,
+                                                   int element, dgfem_vec3 x, int side) {
     const dgfem_mesh *mesh = locator->mesh;
-    dgfem_real nearest = mesh->elements[element].radius;
-    int best = element, count = 1;
+    dgfemi_location best;
+    int count = 1;
+    best.element = DGFEM_NONE, best.distance = mesh->elements[element].radius, best.nearest = x;
     sides->queue[0] = element, sides->mark[element] = ++sides->stamp;
     for (int i = 0; i < count; i++) {
         const dgfem_element *e = &mesh->elements[sides->queue[i]];
         if (sides->sign[sides->queue[i]] == side) {
-            dgfem_real distance = dgfemi_locate_in(mesh, sides->queue[i], x).distance;
-            if (distance < nearest) nearest = distance, best = sides->queue[i];
+            dgfemi_location location = dgfemi_locate_in(mesh, sides->queue[i], x);
+            if (location.distance < best.distance) best = location;
         }
         for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
             const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
             int other = face->element[face->element[0] == sides->queue[i]];
             if (other == DGFEM_NONE || sides->mark[other] == sides->stamp) continue;
             if (face->cut && !sides->on_blade[mesh->element_faces[k]]) continue;
-            if (!(dgfemi_box_distance(locator->lower[other], locator->upper[other], x) < nearest)) continue;
+            if (!(dgfemi_box_distance(locator->lower[other], locator->upper[other], x) < best.distance)) continue;
             sides->mark[other] = sides->stamp;
             sides->queue[count++] = other;
         }
     }
-    return best;
+    return best.element == DGFEM_NONE ? dgfemi_locate_in(mesh, element, x) : best;
 }
 
-/* homes[v]: where each vertex of the result is reached from. Vertices at the cut get anchors on their own side. */
-static int dgfemi_skin_find_homes(dgfemi_arena *arena, dgfemi_skin_cutter *c, int *homes) {
+/* Places of the vertices of the result; those at the cut get anchors on their own side. The skin's own vertices are
+   where they were if their elements are; `kinship` NULL: all are. */
+static void dgfemi_skin_place(dgfemi_skin_cutter *c, dgfemi_locator *locator, dgfemi_blade_sides *sides,
+                              const dgfemi_kinship *kinship, dgfemi_places *places) {
     const dgfem_mesh *mesh = c->body->mesh;
-    dgfemi_blade_sides sides;
-    dgfemi_locator locator;
-    if (!dgfemi_locator_make(arena, mesh, &locator) || !dgfemi_skin_find_sides(arena, c, &sides)) return 0;
+    const dgfem_embedding *old = c->skin->embedding;
     for (int i = 0; i < c->vertex_count; i++) {
         dgfemi_skin_vertex *v = &c->vertices[i];
-        int e = dgfemi_locate(&locator, v->anchor).element;
-        int near = dgfemi_abs(dgfemi_blade_distance(c->blade, v->world)) < DGFEM_R(0.1) * mesh->elements[e].radius;
-        int concerned = v->side != 0 && (v->slit || (sides.at_blade[e] && (near || sides.sign[e] != v->side)));
-        if (concerned) {
-            dgfem_vec3 x;
-            if (sides.sign[e] != v->side) e = dgfemi_skin_nearest_on_side(&sides, &locator, e, v->anchor, v->side);
-            x = dgfemi_locate_in(mesh, e, v->anchor).nearest;
-            v->anchor = dgfemi_add_scaled(x, DGFEM_ANCHOR_DEPTH, dgfemi_sub(mesh->elements[e].centre, x));
+        int moved = !dgfemi_same_position(v->anchor, v->rest), known, e = DGFEM_NONE, near;
+        dgfemi_location location;
+        if (i < c->skin->vertex_count)
+            e = kinship ? kinship->new_element[old->point_element[i]] : old->point_element[i];
+        known = e != DGFEM_NONE;
+        if (!known) location = dgfemi_locate(locator, v->anchor), e = location.element;
+        near = dgfemi_abs(dgfemi_blade_distance(c->blade, v->world)) < DGFEM_R(0.1) * mesh->elements[e].radius;
+        if (v->side != 0 && (v->slit || (sides->at_blade[e] && (near || sides->sign[e] != v->side)))) {
+            if (sides->sign[e] != v->side)
+                location = dgfemi_skin_nearest_on_side(sides, locator, e, v->anchor, v->side);
+            else if (known) location = dgfemi_locate_in(mesh, e, v->anchor);
+            e = location.element;
+            v->anchor = dgfemi_add_scaled(location.nearest, DGFEM_ANCHOR_DEPTH,
+                                          dgfemi_sub(mesh->elements[e].centre, location.nearest));
+            known = 0;
         }
-        homes[i] = memcmp(&v->anchor, &v->rest, sizeof v->rest) ? e : DGFEM_NONE;
+        if (!known && moved) location = dgfemi_locate_in(mesh, e, v->rest);
+        places->element[i] = e;
+        places->window[i] = known ? old->point_window[i] : dgfemi_window_position(mesh, &location, v->rest);
     }
+}
+
+/* 1 on success, 0 when out of memory. */
+static int dgfemi_skin_find_places(dgfemi_arena *arena, dgfemi_skin_cutter *c, dgfemi_places *places) {
+    const dgfem_mesh *mesh = c->body->mesh;
+    int between = c->skin->embedding->sample_count == 0; /* two blades: the elements are those of this mesh */
+    dgfemi_blade_sides sides;
+    dgfemi_kinship kinship;
+    dgfemi_locator locator;
+    if (!dgfemi_places_allocate(arena, c->vertex_count, places) || !dgfemi_locator_make(arena, mesh, &locator) ||
+        !dgfemi_skin_find_sides(arena, c, &sides) ||
+        (!between && !dgfemi_kinship_make(arena, mesh, c->skin->embedding, &kinship)))
+        return 0;
+    dgfemi_skin_place(c, &locator, &sides, between ? NULL : &kinship, places);
     return 1;
 }
 
@@ -19468,13 +19792,16 @@ static void dgfemi_skin_result_fill(const dgfemi_skin_cutter *c, dgfem_skin *out
 }
 
 /* Between two blades a skin has no weights: only the places that it was cut in. 1 on success. */
-static int dgfemi_skin_keep_places(const dgfemi_skin_cutter *c, dgfem_skin *skin) {
+static int dgfemi_skin_keep_places(const dgfemi_skin_cutter *c, const dgfemi_places *places, dgfem_skin *skin) {
     size_t count = (size_t)c->vertex_count;
     skin->embedding = (dgfem_embedding *)dgfemi_allocate_zero(c->hooks, 1, sizeof *skin->embedding);
     if (!skin->embedding) return 0;
     skin->embedding->hooks = *c->hooks;
     skin->embedding->points = (dgfem_vec3 *)dgfemi_allocate(c->hooks, count, sizeof(dgfem_vec3));
-    if (!skin->embedding->points) return 0;
+    skin->embedding->point_element = (int *)dgfemi_duplicate(c->hooks, places->element, count, sizeof(int));
+    skin->embedding->point_window =
+        (dgfem_vec3 *)dgfemi_duplicate(c->hooks, places->window, count, sizeof(dgfem_vec3));
+    if (!skin->embedding->points || !skin->embedding->point_element || !skin->embedding->point_window) return 0;
     for (size_t i = 0; i < count; i++) {
         skin->embedding->points[i] = c->vertices[i].rest;
         skin->positions[i] = c->vertices[i].world;
@@ -19485,20 +19812,20 @@ static int dgfemi_skin_keep_places(const dgfemi_skin_cutter *c, dgfem_skin *skin
 static dgfem_status dgfemi_skin_result(dgfemi_skin_cutter *c, const dgfem_embedding *weights, dgfem_skin **out) {
     const dgfem_hooks *hooks = c->hooks;
     dgfemi_arena arena = dgfemi_arena_make(hooks);
-    int *homes = (int *)dgfemi_arena_allocate(&arena, (size_t)c->vertex_count, sizeof(int));
+    dgfemi_places places;
     dgfem_skin *skin = (dgfem_skin *)dgfemi_allocate_zero(hooks, 1, sizeof *skin);
     dgfem_points_in rest;
     dgfem_status status = DGFEM_OK;
     if (skin) skin->hooks = *hooks;
-    if (!homes || !skin || !dgfemi_skin_find_homes(&arena, c, homes) || !dgfemi_skin_result_allocate(c, skin))
+    if (!skin || !dgfemi_skin_find_places(&arena, c, &places) || !dgfemi_skin_result_allocate(c, skin))
         status = dgfemi_fail_memory(hooks);
     if (status == DGFEM_OK) dgfemi_skin_result_fill(c, skin);
-    if (status == DGFEM_OK && !weights && !dgfemi_skin_keep_places(c, skin)) status = dgfemi_fail_memory(hooks);
+    if (status == DGFEM_OK && !weights && !dgfemi_skin_keep_places(c, &places, skin)) status = dgfemi_fail_memory(hooks);
     if (status == DGFEM_OK && weights) {
         rest =
             dgfem_points_in_vec3((const dgfem_vec3 *)(const void *)c->vertices, c->vertex_count); /* its first member */
         rest.stride = (int)sizeof *c->vertices;
-        status = dgfemi_skin_embed(skin, c->body, &rest, homes, weights);
+        status = dgfemi_skin_embed(skin, c->body, &rest, NULL, &places, weights);
     }
     dgfemi_arena_free(&arena);
     if (status != DGFEM_OK) {
@@ -19905,7 +20232,9 @@ DGFEM_API dgfem_status dgfem_surface_normals(const dgfem_surface *surface, dgfem
         split into by its own plane;
      2. every glued face between a part below and one above is a wall. Besides the new faces these are the thin strips
         where two planes miss each other, and the faces of elements that are not worth splitting;
-     3. walls are cut: all of them, or those that a polygon covers, which are divided along its edges first.
+     3. walls are cut: all of them, or those that a polygon passes through, which are divided along its edges first. At a
+        wall the two sides of a material point have the places X_a and X_b in the world; the polygon has passed between
+        them where it meets the segment from X_a to X_b.
 
                   |  A  :  B  |        A is split along a, B along b; the strip between a and b, a part of their
                   |     :     |        common face, is between A's part above and B's part below: it is a wall
@@ -19927,8 +20256,12 @@ typedef struct dgfemi_cutter {
     const dgfemi_blade *blade;
     dgfem_real snap, smallest, sliver; /* as in dgfem_cut_desc */
     dgfemi_splitter splitter;
-    signed char *side; /* [elements] -1, 0 not concerned, 1 */
-    int side_capacity, side_count;
+    signed char *side; /* [elements] -1, 1, or, where the blade does not reach, 0 */
+    dgfem_vec3 *place; /* [elements] of their centres in the world, */
+    dgfem_real *reach; /* and how far from there they may extend */
+    char *touched;     /* [elements] 1: a part of what was split */
+    int side_capacity, place_capacity, reach_capacity, touched_capacity, side_count;
+    dgfem_vec3 lower, upper; /* box of the blade */
     dgfemi_straddler *straddlers;
     int straddler_count, straddler_capacity;
     dgfemi_ints walls, group;
@@ -19948,6 +20281,9 @@ static void dgfemi_cutter_free(dgfemi_cutter *cutter) {
     const dgfem_hooks *hooks = &cutter->edit->body->hooks;
     dgfemi_splitter_free(&cutter->splitter);
     dgfemi_free(hooks, cutter->side);
+    dgfemi_free(hooks, cutter->place);
+    dgfemi_free(hooks, cutter->reach);
+    dgfemi_free(hooks, cutter->touched);
     dgfemi_free(hooks, cutter->straddlers);
     dgfemi_free(hooks, cutter->walls.data);
     dgfemi_free(hooks, cutter->group.data);
@@ -20029,7 +20365,7 @@ static int dgfemi_cutter_face_section(dgfemi_cutter *cutter, const dgfemi_field 
             if ((da >= 0) == (db >= 0)) continue;
             dgfem_vec3 x = dgfemi_add_scaled(a, da / (da - db), dgfemi_sub(b, a));
             dgfem_vec3 place = dgfemi_field_map(cutter->edit, field, x, NULL);
-            if (!dgfemi_crossing_push(hooks, crossings, dgfemi_dot(along, x), cutter->places.count) ||
+            if (!dgfemi_crossing_push(&mesh->hooks, crossings, dgfemi_dot(along, x), cutter->places.count) ||
                 !dgfemi_vectors_push(hooks, &cutter->places, &place, 1))
                 return 0;
         }
@@ -20094,22 +20430,38 @@ static int dgfemi_section_meets(const dgfemi_blade *blade, const dgfem_vec3 *poi
 
 /* ---- 1. sides ---- */
 
+/* Where an element is in the world: that changes only when it is split. */
+static void dgfemi_cutter_find_place(dgfemi_cutter *cutter, int element) {
+    const dgfem_element *e = &cutter->edit->mesh->elements[element];
+    const dgfemi_field *field = dgfemi_field_of(cutter->edit, element);
+    cutter->side[element] = 0, cutter->touched[element] = 0;
+    if (e->face_count == 0) return;
+    cutter->place[element] = dgfemi_field_map(cutter->edit, field, e->centre, NULL);
+    cutter->reach[element] = dgfemi_field_reach(cutter->edit, field, e);
+}
+
+/* Takes in the elements that have come since the last call. 1 on success, 0 when out of memory. */
 static int dgfemi_cutter_fit_sides(dgfemi_cutter *cutter) {
-    void *side = cutter->side;
+    const dgfem_hooks *hooks = &cutter->edit->body->hooks;
+    void *side = cutter->side, *place = cutter->place, *reach = cutter->reach, *touched = cutter->touched;
     int n = cutter->edit->mesh->element_count;
-    int ok = dgfemi_mesh_room(&cutter->edit->body->hooks, &side, 0, &cutter->side_capacity, n, 1);
+    int ok = dgfemi_mesh_room(hooks, &side, 0, &cutter->side_capacity, n, 1);
     cutter->side = (signed char *)side;
-    for (; ok && cutter->side_count < n; cutter->side_count++) cutter->side[cutter->side_count] = 0;
+    ok = ok && dgfemi_mesh_room(hooks, &place, 0, &cutter->place_capacity, n, sizeof(dgfem_vec3));
+    cutter->place = (dgfem_vec3 *)place;
+    ok = ok && dgfemi_mesh_room(hooks, &reach, 0, &cutter->reach_capacity, n, sizeof(dgfem_real));
+    cutter->reach = (dgfem_real *)reach;
+    ok = ok && dgfemi_mesh_room(hooks, &touched, 0, &cutter->touched_capacity, n, 1);
+    cutter->touched = (char *)touched;
+    for (; ok && cutter->side_count < n; cutter->side_count++) dgfemi_cutter_find_place(cutter, cutter->side_count);
     return ok;
 }
 
-/* Whether a sphere in the world is beside the box of the blade's polygon. */
-static int dgfemi_blade_misses(const dgfemi_blade *blade, dgfem_vec3 centre, dgfem_real radius) {
-    dgfem_vec3 lower, upper, nearest;
-    if (!blade->polygon) return 0;
-    dgfemi_blade_box(blade, &lower, &upper);
-    nearest = dgfemi_min3(dgfemi_max3(centre, lower), upper);
-    return dgfemi_distance(nearest, centre) > radius;
+/* Whether the element's sphere in the world is beside the box of the blade. */
+static int dgfemi_cutter_misses(const dgfemi_cutter *cutter, int element) {
+    dgfem_vec3 place = cutter->place[element];
+    dgfem_vec3 nearest = dgfemi_min3(dgfemi_max3(place, cutter->lower), cutter->upper);
+    return cutter->blade->polygon && dgfemi_distance(nearest, place) > DGFEM_R(1.001) * cutter->reach[element];
 }
 
 static int dgfemi_cutter_add_straddler(dgfemi_cutter *cutter, int element, dgfem_plane plane) {
@@ -20124,18 +20476,22 @@ static int dgfemi_cutter_add_straddler(dgfemi_cutter *cutter, int element, dgfem
     return 1;
 }
 
+/* What lies no further than this beyond the blade is not split off. */
+static dgfem_real dgfemi_cutter_thin(const dgfemi_cutter *cutter, const dgfem_element *e) {
+    return dgfemi_max(cutter->snap * e->radius, cutter->smallest);
+}
+
 /* Gives an element its side, or lists it for the split. 0 when out of memory. */
 static int dgfemi_cutter_take_side(dgfemi_cutter *cutter, int element) {
     const dgfemi_blade *blade = cutter->blade;
     const dgfem_element *e = &cutter->edit->mesh->elements[element];
     const dgfemi_field *field = dgfemi_field_of(cutter->edit, element);
-    dgfem_vec3 place = dgfemi_field_map(cutter->edit, field, e->centre, NULL);
-    dgfem_real distance = dgfemi_blade_distance(blade, place), reach = dgfemi_field_reach(cutter->edit, field, e);
-    dgfem_real low, high, thin = dgfemi_max(cutter->snap * e->radius, cutter->smallest);
+    dgfem_real distance = dgfemi_blade_distance(blade, cutter->place[element]);
+    dgfem_real low, high, thin = dgfemi_cutter_thin(cutter, e);
     cutter->side[element] = 0;
-    if (dgfemi_blade_misses(blade, place, DGFEM_R(1.001) * reach)) return 1;
+    if (dgfemi_cutter_misses(cutter, element)) return 1;
     cutter->side[element] = distance >= 0 ? 1 : -1;
-    if (dgfemi_abs(distance) > reach) return 1;
+    if (dgfemi_abs(distance) > cutter->reach[element]) return 1;
     dgfem_plane plane = dgfemi_field_plane(cutter->edit, field, blade->normal, blade->offset, e->centre, 2 * e->radius);
     if (!(dgfemi_norm(plane.normal) > 0)) return 1;
     dgfemi_element_extent(cutter->edit->mesh, element, plane, &low, &high);
@@ -20154,6 +20510,7 @@ static int dgfemi_cutter_take_side(dgfemi_cutter *cutter, int element) {
 static int dgfemi_cutter_take_sides(dgfemi_cutter *cutter) {
     const dgfem_mesh *mesh = cutter->edit->mesh;
     cutter->straddler_count = 0;
+    dgfemi_blade_box(cutter->blade, &cutter->lower, &cutter->upper);
     if (!dgfemi_cutter_fit_sides(cutter)) return 0;
     for (int e = 0; e < mesh->element_count; e++)
         if (mesh->elements[e].face_count > 0 && !dgfemi_cutter_take_side(cutter, e)) return 0;
@@ -20170,11 +20527,14 @@ static dgfem_status dgfemi_cutter_split_by(dgfemi_cutter *cutter, dgfem_plane pl
     dgfem_status status = dgfemi_split_elements(&cutter->splitter, plane, cutter->group.data, cutter->group.count);
     mesh->hooks.log = hooks.log;
     if (status == DGFEM_ERROR_MEMORY || (!status && !dgfemi_cutter_fit_sides(cutter)))
-        return dgfemi_fail_memory(&hooks);
+        return dgfemi_fail_memory(&cutter->edit->body->hooks);
     if (status) return status;
     for (int c = 0; c < cutter->splitter.child_count; c++) {
         const dgfemi_split_child *child = &cutter->splitter.children[c];
-        if (child->side != 0) cutter->side[child->element] = (signed char)child->side;
+        if (child->side == 0) continue;
+        dgfemi_cutter_find_place(cutter, child->element);
+        cutter->side[child->element] = (signed char)child->side;
+        cutter->touched[child->element] = 1;
     }
     cutter->elements_split += cutter->splitter.selected.count;
     return DGFEM_OK;
@@ -20193,7 +20553,8 @@ static dgfem_status dgfemi_cutter_split_alone(dgfemi_cutter *cutter, const dgfem
         dgfem_plane plane = s->plane;
         plane.offset += (dgfem_real)shifts[i] * radius;
         dgfem_status status = dgfemi_cutter_split_by(cutter, plane);
-        if ((!status && cutter->splitter.selected.count > 0) || status == DGFEM_ERROR_MEMORY) return status;
+        if (status == DGFEM_ERROR_MEMORY || (!status && cutter->splitter.selected.count > 0)) return status;
+        if (!status) break; /* the plane runs along it, but for round-off */
     }
     cutter->side[s->element] = height >= 0 ? 1 : -1;
     return DGFEM_OK;
@@ -20231,20 +20592,55 @@ static dgfem_status dgfemi_cutter_split_group(dgfemi_cutter *cutter, int first) 
 
 /* ---- 2. and 3. walls ---- */
 
-static int dgfemi_cutter_list_walls(dgfemi_cutter *cutter) {
+static dgfem_vec3 dgfemi_cutter_place(const dgfemi_cutter *cutter, int element, dgfem_vec3 x) {
+    return dgfemi_field_map(cutter->edit, dgfemi_field_of(cutter->edit, element), x, NULL);
+}
+
+/* Whether the blade, beyond its polygon, goes on into the second element, while the first, on one side of it, meets the
+   second in a face that lies along the blade: there the second is on the other side. */
+static int dgfemi_cutter_is_along(const dgfemi_cutter *cutter, const dgfem_face *face, int first) {
     const dgfem_mesh *mesh = cutter->edit->mesh;
-    cutter->walls.count = 0;
-    for (int f = 0; f < mesh->face_count; f++) {
-        const dgfem_face *face = &mesh->faces[f];
-        if (face->element[0] == DGFEM_NONE || face->element[1] == DGFEM_NONE || face->cut) continue;
-        if (cutter->side[face->element[0]] * cutter->side[face->element[1]] >= 0) continue;
-        if (!dgfemi_push(&cutter->edit->body->hooks, &cutter->walls, f)) return 0;
-    }
-    return 1;
+    int a = face->element[first], b = face->element[1 - first];
+    const dgfem_element *e = &mesh->elements[a];
+    if (cutter->side[a] == 0 || cutter->side[b] != 0 || dgfemi_cutter_misses(cutter, b)) return 0;
+    dgfem_plane plane = dgfemi_field_plane(cutter->edit, dgfemi_field_of(cutter->edit, a), cutter->blade->normal,
+                                           cutter->blade->offset, e->centre, 2 * e->radius);
+    dgfem_real towards = dgfemi_dot(plane.normal, face->normal) * (first == 0 ? 1 : -1); /* from a to b */
+    return (dgfem_real)cutter->side[a] * towards < 0 &&
+           dgfemi_mesh_face_off_plane(mesh, (int)(face - mesh->faces), plane.normal, plane.offset) <=
+               dgfemi_cutter_thin(cutter, e);
+}
+
+/* The side of an element that the blade goes on into beyond its polygon, seen from a face. */
+static int dgfemi_cutter_side_at(const dgfemi_cutter *cutter, int element, const dgfem_face *face) {
+    if (cutter->side[element] != 0) return cutter->side[element];
+    if (dgfemi_cutter_misses(cutter, element)) return 0;
+    return dgfemi_blade_side(cutter->blade, dgfemi_cutter_place(cutter, element, face->centre)) ? 1 : -1;
 }
 
 static int dgfemi_cutter_is_wall(const dgfemi_cutter *cutter, const dgfem_face *face) {
-    return !face->cut && cutter->side[face->element[0]] * cutter->side[face->element[1]] < 0;
+    if (face->element[1] == DGFEM_NONE || face->cut) return 0;
+    if (dgfemi_cutter_side_at(cutter, face->element[0], face) * dgfemi_cutter_side_at(cutter, face->element[1], face) <
+        0)
+        return 1;
+    return dgfemi_cutter_is_along(cutter, face, 0) || dgfemi_cutter_is_along(cutter, face, 1);
+}
+
+/* Walls have an element with a side. Each is listed by the first of its elements that has one. */
+static int dgfemi_cutter_list_walls(dgfemi_cutter *cutter) {
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    cutter->walls.count = 0;
+    for (int element = 0; element < mesh->element_count; element++) {
+        const dgfem_element *e = &mesh->elements[element];
+        for (int k = e->face_start; cutter->side[element] != 0 && k < e->face_start + e->face_count; k++) {
+            const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+            if (face->element[0] != element && cutter->side[face->element[0]] != 0) continue;
+            if (dgfemi_cutter_is_wall(cutter, face) &&
+                !dgfemi_push(&cutter->edit->body->hooks, &cutter->walls, mesh->element_faces[k]))
+                return 0;
+        }
+    }
+    return 1;
 }
 
 /* The neighbour that a part should stay with: the one across its largest wall, when the part would be left alone, and
@@ -20281,16 +20677,12 @@ static int dgfemi_cutter_keep_crumbs(dgfemi_cutter *cutter) {
     return !kept || dgfemi_cutter_list_walls(cutter);
 }
 
-static dgfem_vec3 dgfemi_cutter_place(const dgfemi_cutter *cutter, int element, dgfem_vec3 x) {
-    return dgfemi_field_map(cutter->edit, dgfemi_field_of(cutter->edit, element), x, NULL);
-}
-
 /* Whether an edge of the polygon passes through the inside of a face; its places in the world come from one side. */
 static int dgfemi_cutter_edge_meets(dgfemi_cutter *cutter, int f, dgfem_vec3 from, dgfem_vec3 to) {
     const dgfem_mesh *mesh = cutter->edit->mesh;
     const dgfem_face *face = &mesh->faces[f];
     double a[2], b[2], c[2], d[2];
-    int inside = 0;
+    int from_inside = 0, to_inside = 0;
     dgfemi_blade_project(cutter->blade, from, a);
     dgfemi_blade_project(cutter->blade, to, b);
     for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++) {
@@ -20303,16 +20695,18 @@ static int dgfemi_cutter_edge_meets(dgfemi_cutter *cutter, int f, dgfem_vec3 fro
             dgfemi_blade_project(cutter->blade, dgfemi_cutter_place(cutter, face->element[0], mesh->vertices[loop[i]]),
                                  d);
             if (dgfemi_segments_meet(a, b, c, d)) return 1;
-            inside ^= dgfemi_edge_winding(c, d, a) != 0;
+            from_inside ^= dgfemi_edge_winding(c, d, a) != 0;
+            to_inside ^= dgfemi_edge_winding(c, d, b) != 0;
         }
     }
-    return inside;
+    return from_inside || to_inside;
 }
 
 /* Divides a wall along the edge of the polygon, unless the edge runs along the wall's own. The parts are listed. */
 static dgfem_status dgfemi_cutter_divide(dgfemi_cutter *cutter, int wall, dgfem_vec3 from, dgfem_vec3 to) {
     dgfemi_splitter *s = &cutter->splitter;
     dgfem_mesh *mesh = cutter->edit->mesh;
+    const dgfem_hooks *own = &cutter->edit->body->hooks;
     dgfem_hooks hooks = mesh->hooks;
     int f = cutter->walls.data[wall], element = mesh->faces[f].element[0];
     const dgfem_face *face = &mesh->faces[f];
@@ -20329,15 +20723,15 @@ static dgfem_status dgfemi_cutter_divide(dgfemi_cutter *cutter, int wall, dgfem_
         }
     dgfem_real thin = dgfemi_max(cutter->snap * radius, DGFEM_SAME_PLANE * radius);
     if (high < thin || -low < thin) return DGFEM_OK;
-    if (!dgfemi_split_set_plane(s, plane, &element, 1)) return dgfemi_fail_memory(&hooks);
+    if (!dgfemi_split_set_plane(s, plane, &element, 1)) return dgfemi_fail_memory(own);
     mesh->hooks.log = NULL;
     dgfem_status status = dgfemi_split_faces(s, &f, 1);
     mesh->hooks.log = hooks.log;
-    if (status == DGFEM_ERROR_MEMORY) return dgfemi_fail_memory(&hooks);
+    if (status == DGFEM_ERROR_MEMORY) return dgfemi_fail_memory(own);
     if (status) return DGFEM_OK; /* stays whole, on one side of the edge */
     for (int i = 0; i < s->cut[f].below + s->cut[f].above; i++) {
         if (i == 0) cutter->walls.data[wall] = s->cut[f].first;
-        else if (!dgfemi_push(&hooks, &cutter->walls, s->cut[f].first + i)) return dgfemi_fail_memory(&hooks);
+        else if (!dgfemi_push(own, &cutter->walls, s->cut[f].first + i)) return dgfemi_fail_memory(own);
     }
     return DGFEM_OK;
 }
@@ -20355,11 +20749,73 @@ static dgfem_status dgfemi_cutter_divide_walls(dgfemi_cutter *cutter) {
     return status;
 }
 
-/* The middle of a face in the world, between both sides. */
-static dgfem_vec3 dgfemi_cutter_middle(const dgfemi_cutter *cutter, const dgfem_face *face) {
-    dgfem_vec3 a = dgfemi_cutter_place(cutter, face->element[0], face->centre);
-    dgfem_vec3 b = dgfemi_cutter_place(cutter, face->element[1], face->centre);
-    return dgfemi_scale(DGFEM_R(0.5), dgfemi_add(a, b));
+/* Whether the polygon passes between the two sides of the point x of a face. */
+static int dgfemi_cutter_passes(const dgfemi_cutter *cutter, const dgfem_face *face, dgfem_vec3 x) {
+    dgfem_vec3 a = dgfemi_cutter_place(cutter, face->element[0], x);
+    dgfem_vec3 b = dgfemi_cutter_place(cutter, face->element[1], x);
+    dgfem_real da = dgfemi_blade_distance(cutter->blade, a), db = dgfemi_blade_distance(cutter->blade, b);
+    dgfem_real t = (da > 0) != (db > 0) ? da / (da - db) : DGFEM_R(0.5);
+    return dgfemi_blade_covers(cutter->blade, dgfemi_add_scaled(a, t, dgfemi_sub(b, a)));
+}
+
+/* Where a line through the face's centre, along `along`, crosses its boundary: splitter.ups, sorted. 1 on success. */
+static int dgfemi_cutter_scan(dgfemi_cutter *cutter, const dgfem_face *face, dgfem_vec3 along) {
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    dgfemi_crossings *crossings = &cutter->splitter.ups; /* free between splits */
+    dgfem_vec3 across = dgfemi_cross(along, face->normal);
+    crossings->count = 0;
+    for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++) {
+        const int *loop = mesh->loop_vertices + mesh->loops[l].start;
+        dgfem_vec3 a, b = dgfemi_sub(mesh->vertices[loop[mesh->loops[l].count - 1]], face->centre);
+        for (int i = 0; i < mesh->loops[l].count; i++) {
+            a = b, b = dgfemi_sub(mesh->vertices[loop[i]], face->centre);
+            dgfem_real ha = dgfemi_dot(across, a), hb = dgfemi_dot(across, b);
+            if ((ha >= 0) == (hb >= 0)) continue;
+            dgfem_vec3 x = dgfemi_add_scaled(a, ha / (ha - hb), dgfemi_sub(b, a));
+            if (!dgfemi_crossing_push(&mesh->hooks, crossings, dgfemi_dot(along, x), 0)) return 0;
+        }
+    }
+    dgfemi_crossings_sort(crossings);
+    return 1;
+}
+
+/* A point inside a face: its centre, or, where that is outside, the middle of the longest part of a line through it. */
+static int dgfemi_cutter_inner_point(dgfemi_cutter *cutter, const dgfem_face *face, dgfem_vec3 *inner) {
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    const dgfemi_crossings *crossings = &cutter->splitter.ups;
+    dgfem_vec3 first = dgfemi_mesh_first_vertex(mesh, (int)(face - mesh->faces));
+    dgfem_vec3 along = dgfemi_normalized(dgfemi_cross(face->normal, dgfemi_sub(first, face->centre)));
+    dgfem_real longest = 0;
+    *inner = face->centre;
+    if (dgfemi_face_covers(mesh, face, face->centre)) return 1;
+    if (!dgfemi_cutter_scan(cutter, face, along)) return 0;
+    for (int i = 0; i + 1 < crossings->count; i += 2) {
+        dgfem_real from = crossings->data[i].t, to = crossings->data[i + 1].t;
+        if (!(to - from > longest)) continue;
+        longest = to - from;
+        *inner = dgfemi_add_scaled(face->centre, (from + to) / 2, along);
+    }
+    return 1;
+}
+
+/* Whether a wall is cut. Caps were divided by the very map that they are seen by: any point inside tells. Strips, divided
+   by the map of one side only, have corners that belong to neither part: they are cut where any part of them is, which
+   takes no more than the jump is wide. */
+static int dgfemi_cutter_is_cut(dgfemi_cutter *cutter, const dgfem_face *face, int *is_cut) {
+    const dgfem_real near = DGFEM_R(0.9); /* of the way to a corner */
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    dgfem_vec3 inner;
+    *is_cut = 1;
+    if (!cutter->blade->polygon) return 1;
+    if (!dgfemi_cutter_inner_point(cutter, face, &inner)) return 0;
+    *is_cut = dgfemi_cutter_passes(cutter, face, inner);
+    if (mesh->elements[face->element[0]].tag == mesh->elements[face->element[1]].tag) return 1;
+    for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++)
+        for (int i = 0; !*is_cut && i < mesh->loops[l].count; i++) {
+            dgfem_vec3 corner = mesh->vertices[mesh->loop_vertices[mesh->loops[l].start + i]];
+            *is_cut = dgfemi_cutter_passes(cutter, face, dgfemi_add_scaled(inner, near, dgfemi_sub(corner, inner)));
+        }
+    return 1;
 }
 
 /* One blade. On failure the edit is of no further use. */
@@ -20375,11 +20831,129 @@ static dgfem_status dgfemi_cutter_apply(dgfemi_cutter *cutter, const dgfemi_blad
     if (blade->polygon) status = dgfemi_cutter_divide_walls(cutter);
     for (int w = 0; !status && w < cutter->walls.count; w++) {
         dgfem_face *face = &cutter->edit->mesh->faces[cutter->walls.data[w]];
-        if (blade->polygon && !dgfemi_blade_covers(blade, dgfemi_cutter_middle(cutter, face))) continue;
-        face->cut = 1;
-        cutter->faces_cut++;
+        int is_cut = 0;
+        if (!dgfemi_cutter_is_cut(cutter, face, &is_cut)) status = dgfemi_fail_memory(hooks);
+        face->cut = is_cut;
+        cutter->faces_cut += is_cut;
     }
     return status;
+}
+
+/* Whether one of the blades passes between the two sides of a face, at a point of it. */
+static int dgfemi_cutter_parts(const dgfemi_cutter *cutter, const dgfem_face *face, dgfem_vec3 x,
+                               const dgfemi_blade *blades, int count) {
+    dgfem_vec3 a = dgfemi_cutter_place(cutter, face->element[0], x);
+    dgfem_vec3 b = dgfemi_cutter_place(cutter, face->element[1], x);
+    for (int k = 0; k < count; k++) {
+        dgfem_real da = dgfemi_blade_distance(&blades[k], a), db = dgfemi_blade_distance(&blades[k], b);
+        if ((da >= 0) == (db >= 0)) continue;
+        if (dgfemi_blade_covers(&blades[k], dgfemi_add_scaled(a, da / (da - db), dgfemi_sub(b, a)))) return 1;
+    }
+    return 0;
+}
+
+static int dgfemi_blade_is_near(const dgfemi_blade *blade, dgfem_vec3 x, dgfem_real distance) {
+    if (!(dgfemi_abs(dgfemi_blade_distance(blade, x)) <= distance)) return 0;
+    if (dgfemi_blade_covers(blade, x)) return 1;
+    for (int k = 0; k < blade->polygon_count; k++) {
+        dgfem_vec3 to = blade->polygon[k + 1 < blade->polygon_count ? k + 1 : 0];
+        if (dgfemi_distance(dgfemi_nearest_on_segment(blade->polygon[k], to, x), x) <= distance) return 1;
+    }
+    return 0;
+}
+
+/* How far the part of a field that is not affine moves points of the element. */
+static dgfem_real dgfemi_field_bend(const dgfemi_edit *edit, const dgfemi_field *field) {
+    const dgfem_vec3 *u = dgfemi_field_displacement(edit, field);
+    dgfem_real bend = 0;
+    for (int i = 4; i < dgfem_monomial_count(field->degree); i++) bend += dgfemi_norm(u[i]);
+    return bend;
+}
+
+/* Whether a face is no wider than what planes and jumps of its two sides leave undecided, and that near to a blade: a
+   thread of glue that holds nothing. */
+static int dgfemi_cutter_is_thread(const dgfemi_cutter *cutter, int f, dgfem_vec3 inner, const dgfemi_blade *blades,
+                                   int count) {
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    const dgfem_face *face = &mesh->faces[f];
+    int a = face->element[0], b = face->element[1];
+    dgfem_vec3 at = dgfemi_cutter_place(cutter, a, inner), there = dgfemi_cutter_place(cutter, b, inner);
+    dgfem_real jump = 2 * dgfemi_distance(at, there);
+    dgfem_real width = dgfemi_max(jump, cutter->snap * dgfemi_min(mesh->elements[a].radius, mesh->elements[b].radius));
+    width = dgfemi_max(width, dgfemi_field_bend(cutter->edit, dgfemi_field_of(cutter->edit, a)));
+    width = dgfemi_max(width, dgfemi_field_bend(cutter->edit, dgfemi_field_of(cutter->edit, b)));
+    if (!(face->area <= width * dgfemi_face_radius(mesh, face))) return 0;
+    for (int k = 0; k < count; k++)
+        if (dgfemi_blade_is_near(&blades[k], at, width)) return 1;
+    return 0;
+}
+
+/* Where blades meet at an edge, what is left of strips there belongs to none of them alone: a last look at the glue of
+   what was split, for all blades together. 1 on success, 0 when out of memory. */
+static int dgfemi_cutter_seal(dgfemi_cutter *cutter, const dgfemi_blade *blades, int count) {
+    const dgfem_real near = DGFEM_R(0.9); /* of the way to a corner */
+    dgfem_mesh *mesh = cutter->edit->mesh;
+    for (int f = 0; count > 1 && f < mesh->face_count; f++) {
+        dgfem_face *face = &mesh->faces[f];
+        dgfem_vec3 inner;
+        if (face->element[0] == DGFEM_NONE || face->element[1] == DGFEM_NONE || face->cut) continue;
+        if (!cutter->touched[face->element[0]] && !cutter->touched[face->element[1]]) continue;
+        if (!dgfemi_cutter_inner_point(cutter, face, &inner)) return 0;
+        int is_cut = dgfemi_cutter_is_thread(cutter, f, inner, blades, count);
+        if (mesh->elements[face->element[0]].tag != mesh->elements[face->element[1]].tag && !is_cut) {
+            is_cut = dgfemi_cutter_parts(cutter, face, inner, blades, count);
+            for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++)
+                for (int i = 0; !is_cut && i < mesh->loops[l].count; i++) {
+                    dgfem_vec3 corner = mesh->vertices[mesh->loop_vertices[mesh->loops[l].start + i]];
+                    corner = dgfemi_add_scaled(inner, near, dgfemi_sub(corner, inner));
+                    is_cut = dgfemi_cutter_parts(cutter, face, corner, blades, count);
+                }
+        }
+        face->cut = is_cut;
+        cutter->faces_cut += is_cut;
+    }
+    return 1;
+}
+
+/* 1 for a face that this edit has cut. */
+static int dgfemi_cutter_is_new_cut(const dgfemi_cutter *cutter, const dgfem_face *face) {
+    if (face->element[1] == DGFEM_NONE || !face->cut) return 0;
+    return face->tag == DGFEM_NONE || !cutter->edit->body->mesh->faces[face->tag].cut;
+}
+
+/* The neighbour that a part all alone should stay with: see dgfemi_cutter_keeper. */
+static int dgfemi_cutter_last_keeper(const dgfemi_cutter *cutter, int element) {
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    const dgfem_element *e = &mesh->elements[element];
+    dgfem_real area = 0;
+    int keeper = DGFEM_NONE;
+    for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        if (face->element[1] != DGFEM_NONE && !face->cut) return DGFEM_NONE;
+        if (!dgfemi_cutter_is_new_cut(cutter, face) || !(face->area > area)) continue;
+        area = face->area, keeper = face->element[face->element[0] == element];
+    }
+    if (keeper == DGFEM_NONE) return DGFEM_NONE;
+    if (dgfemi_is_sliver_of(mesh, element, mesh->elements[keeper].volume, cutter->sliver) ||
+        dgfemi_mesh_thickness(mesh, element) < cutter->smallest)
+        return keeper;
+    return DGFEM_NONE;
+}
+
+/* Glues crumbs that several blades have left alone to their keepers. */
+static void dgfemi_cutter_glue_crumbs(dgfemi_cutter *cutter) {
+    dgfem_mesh *mesh = cutter->edit->mesh;
+    for (int element = 0; element < mesh->element_count; element++) {
+        const dgfem_element *e = &mesh->elements[element];
+        int keeper = cutter->touched[element] ? dgfemi_cutter_last_keeper(cutter, element) : DGFEM_NONE;
+        for (int k = e->face_start; keeper != DGFEM_NONE && k < e->face_start + e->face_count; k++) {
+            dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+            if (!dgfemi_cutter_is_new_cut(cutter, face)) continue;
+            if (face->element[0] != keeper && face->element[1] != keeper) continue;
+            face->cut = 0;
+            cutter->faces_cut--;
+        }
+    }
 }
 
 /* ---- the cut ---- */
@@ -20475,6 +21049,8 @@ static dgfem_status dgfemi_body_cut(dgfem_body *body, const dgfemi_blade *blades
     dgfemi_cutter_make(&cutter, &edit);
     cutter.snap = desc->snap, cutter.smallest = desc->smallest, cutter.sliver = desc->sliver;
     for (int b = 0; !status && b < count; b++) status = dgfemi_cutter_apply(&cutter, &blades[b]);
+    if (!status && !dgfemi_cutter_seal(&cutter, blades, count)) status = dgfemi_fail_memory(&body->hooks);
+    if (!status && count > 1) dgfemi_cutter_glue_crumbs(&cutter);
     info->elements_split = cutter.elements_split, info->faces_cut = cutter.faces_cut;
     dgfemi_cutter_free(&cutter);
     if (!status && (desc->sliver > 0 || desc->smallest > 0))
@@ -20490,6 +21066,7 @@ DGFEM_API dgfem_status dgfem_body_cut_plane(dgfem_body *body, dgfem_plane plane,
     dgfem_cut_desc standard = dgfem_default_cut_desc();
     dgfem_cut_info ignored;
     dgfemi_blade blade;
+    if (info) memset(info, 0, sizeof *info);
     if (!body) return DGFEM_ERROR_ARGUMENT;
     dgfem_status status = dgfemi_check_cut(body, desc ? desc : &standard);
     if (!status) status = dgfemi_split_check_plane(&body->hooks, plane);
@@ -20537,17 +21114,18 @@ static void dgfemi_blade_set(dgfemi_blade *blade, const dgfem_vec3 *polygon, int
     blade->offset = dgfemi_dot(blade->normal, dgfemi_add(polygon[0], middle));
 }
 
-/* Planar, and no two edges cross or touch but neighbours in their vertex. */
+/* Planar, and no two edges cross. */
 static dgfem_status dgfemi_check_polygon(const dgfem_body *body, const dgfemi_blade *blade) {
     const dgfem_hooks *hooks = &body->hooks;
     const dgfem_real flat = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-3) : DGFEM_R(1e-6);
     int n = blade->polygon_count;
     double a[2], b[2], c[2], d[2];
+    dgfem_real size = 0;
+    for (int i = 1; i < n; i++) size = dgfemi_max(size, dgfemi_distance(blade->polygon[i], blade->polygon[0]));
     if (!(dgfemi_norm(blade->normal) > 0))
         return dgfemi_fail(hooks, DGFEM_ERROR_DEGENERATE, "cut: the polygon has no area");
     for (int i = 0; i < n; i++) {
         dgfem_real distance = dgfemi_blade_distance(blade, blade->polygon[i]);
-        dgfem_real size = dgfemi_distance(blade->polygon[i], blade->polygon[(i + n / 2) % n]);
         if (!(dgfemi_abs(distance) <= flat * size))
             return dgfemi_fail(hooks, DGFEM_ERROR_NOT_PLANAR, "cut: vertex %d of the polygon is %g off its plane", i,
                                (double)distance);
@@ -20571,6 +21149,7 @@ DGFEM_API dgfem_status dgfem_body_cut_polygon(dgfem_body *body, dgfem_points_in 
     dgfem_cut_info ignored;
     dgfem_vec3 *points = NULL;
     dgfemi_blade blade;
+    if (info) memset(info, 0, sizeof *info);
     if (!body) return DGFEM_ERROR_ARGUMENT;
     dgfem_status status = dgfemi_check_cut(body, desc ? desc : &standard);
     if (!status && polygon.count < 3)
@@ -20619,6 +21198,7 @@ DGFEM_API dgfem_status dgfem_body_cut_surface(dgfem_body *body, dgfem_points_in 
                                               int triangle_count, const dgfem_cut_desc *desc, dgfem_cut_info *info) {
     dgfem_cut_desc standard = dgfem_default_cut_desc();
     dgfem_cut_info ignored;
+    if (info) memset(info, 0, sizeof *info);
     if (!body) return DGFEM_ERROR_ARGUMENT;
     dgfem_status status = dgfemi_check_cut(body, desc ? desc : &standard);
     if (!status && (triangle_count < 0 || triangle_count > INT_MAX / 3 || (triangle_count > 0 && !triangles)))

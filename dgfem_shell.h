@@ -102,8 +102,8 @@
 
    WHAT IT DOES NOT DO
 
-   - Materials other than isotropic linear ones. Strains are small, rotations as large as you like: each quadrature point
-     follows its own.
+   - Materials other than isotropic linear ones. Strains are small, rotations as large as you like: each quadrature
+     point follows its own.
    - Transverse shear. For shells thicker than about a tenth of their span use solids.
    - Contact of a shell with itself or another. It touches shapes at its nodes: a corner of a shape may pass between.
    - Shells of three and more sheets at one edge.
@@ -111,16 +111,18 @@
 
    NUMERIC LIMITS
 
-   - The penalty factor eta. Quadrilaterals: 2 (default) is accurate, 10 conservative, 1 close to unstable; triangles: 1.
-     Larger ones lock, triangles first. Below 0.6 the stiffness may be indefinite.
-   - Quadrilaterals of 8 nodes represent constant curvature where they are parallelograms; very distorted ones stall at an
-     error of some tenths of a per cent. Triangles of 6 nodes bend stiffly on coarse curved meshes.
+   - The penalty factor eta. Quadrilaterals: 2 (default) is accurate, 10 conservative, 1 overshoots on coarse meshes;
+     triangles: 1. Larger ones lock, triangles first. Below 0.6 the stiffness may be indefinite.
+   - Quadrilaterals of 8 nodes represent constant curvature where they are parallelograms; very distorted ones stall at
+     an error of some tenths of a per cent. Triangles of 6 nodes bend stiffly on coarse curved meshes.
    - Thin shells need double: membrane and bending stiffness differ by (length / thickness)^2. In float, forces at large
      rotations are good to about 1e-7 (length / thickness)^2 of the bending ones; 100 : 1 is beyond it.
    - dgfem_shell_solve_static converges for loads that turn the shell by some 60 degrees in one part; take load steps.
      Past limit points it cannot go under load: prescribe displacements or take time steps.
    - A step is as stable as implicit Euler for any dt, but it stops iterating after step_iterations: watch the residual.
-     In unstable states (a buckling shell) with dt too long to resolve them it converges slowly. Implicit Euler damps: a motion of angular frequency w loses about dt w^2 / 2 of its amplitude per time.
+     In unstable states (a buckling shell) with dt too long to resolve them it converges slowly; where it gets nowhere,
+     one semi-implicit step with frozen rotations is taken instead. Implicit Euler damps: a motion of angular frequency
+     w loses about dt w^2 / 2 of its amplitude per unit of time.
    - Cuts make small triangles. Those cost accuracy and condition, not stability; `snap` keeps the smallest away.
    - A linear shell (corotational 0) is solved by one factorization, however thin.
 
@@ -184,13 +186,13 @@
 
    Side k runs from corner k to corner k + 1; its middle is node corners + k. */
 typedef struct dgfem_shell_element {
-    int node_count;                  /* 8 or 6; corners: half of it */
+    int node_count; /* 8 or 6; corners: half of it */
     int node[DGFEM_SHELL_MAX_NODES];
-    int edge[4];                     /* of each side */
-    int tag;                         /* index of the input element that it came from; pieces of a cut inherit it */
+    int edge[4]; /* of each side */
+    int tag;     /* index of the input element that it came from; pieces of a cut inherit it */
     dgfem_real thickness;
     dgfem_material material;
-    dgfem_real area, perimeter;      /* at rest */
+    dgfem_real area, perimeter; /* at rest */
 } dgfem_shell_element;
 
 /* How two elements meet. */
@@ -201,11 +203,11 @@ typedef enum dgfem_shell_joint {
 } dgfem_shell_joint;
 
 typedef struct dgfem_shell_edge {
-    int node[3];       /* start, end, middle, as element[0] runs through it: it lies on the left */
-    int element[2];    /* element[1] is DGFEM_NONE on the boundary */
-    int side[2];       /* of each element */
+    int node[3];    /* start, end, middle, as element[0] runs through it: it lies on the left */
+    int element[2]; /* element[1] is DGFEM_NONE on the boundary */
+    int side[2];    /* of each element */
     dgfem_shell_joint joint;
-    int support;       /* index of the condition that holds its rotation, or DGFEM_NONE */
+    int support;                        /* index of the condition that holds its rotation, or DGFEM_NONE */
     dgfem_real moment, follower_moment; /* sum of the conditions' moments per length, N */
 } dgfem_shell_edge;
 
@@ -214,14 +216,14 @@ typedef dgfem_vec3 (*dgfem_shell_surface_fn)(void *user, dgfem_vec3 midpoint, dg
 
 typedef struct dgfem_shell_desc {
     unsigned cookie;
-    dgfem_points_in vertices;        /* corners, and middle nodes where they are given; each must be used */
-    const int *quads;                /* nodes_per_quad vertex indices each; elements 0 .. quad_count - 1 */
+    dgfem_points_in vertices; /* corners, and middle nodes where they are given; each must be used */
+    const int *quads;         /* nodes_per_quad vertex indices each; elements 0 .. quad_count - 1 */
     int quad_count;
-    const int *triangles;            /* nodes_per_triangle vertex indices each; the elements that follow */
+    const int *triangles; /* nodes_per_triangle vertex indices each; the elements that follow */
     int triangle_count;
-    int nodes_per_quad;              /* 4 (default): middle nodes are made; 8: they are given */
-    int nodes_per_triangle;          /* 3 (default) or 6, likewise. Both kinds must agree where both are present. */
-    dgfem_shell_surface_fn surface;  /* NULL (default): middle nodes are made at the midpoints */
+    int nodes_per_quad;             /* 4 (default): middle nodes are made; 8: they are given */
+    int nodes_per_triangle;         /* 3 (default) or 6, likewise. Both kinds must agree where both are present. */
+    dgfem_shell_surface_fn surface; /* NULL (default): middle nodes are made at the midpoints */
     void *surface_user;
     dgfem_real thickness;            /* default 0.001 m */
     const dgfem_real *thicknesses;   /* [elements] or NULL: `thickness` everywhere */
@@ -233,9 +235,9 @@ typedef struct dgfem_shell_desc {
     dgfem_real damping_mass;         /* Rayleigh alpha, 1/s; default 0 */
     dgfem_real damping_stiffness;    /* Rayleigh beta, s; default 0 */
     int corotational;                /* 1 (default): large rotations; 0: linear shell */
-    int consistent_mass;             /* 0 (default): lumped, in proportion to the integral of N^2 (HRZ); 1: consistent */
-    int step_iterations;             /* Newton iterations of a time step at most; default 4 */
-    dgfem_real step_tolerance;       /* and where they end: residual relative to forces; default 1e-4 */
+    int consistent_mass;       /* 0 (default): lumped, in proportion to the integral of N^2 (HRZ); 1: consistent */
+    int step_iterations;       /* Newton iterations of a time step at most; default 4 */
+    dgfem_real step_tolerance; /* and where they end: residual relative to forces; default 1e-4 */
     dgfem_hooks hooks;
 } dgfem_shell_desc;
 
@@ -263,13 +265,13 @@ typedef enum dgfem_shell_condition_kind {
 typedef struct dgfem_shell_condition {
     int id;
     dgfem_shell_condition_kind kind;
-    int count;           /* of items */
-    int *items;          /* nodes, edges or elements, as the kind says */
-    int axes;            /* FIX */
-    int follower;        /* MOMENT, PRESSURE: 1 when the load turns with the shell */
-    dgfem_vec3 vector;   /* displacement, normal of the plane, translation, line load, force, place */
-    dgfem_real scalar;   /* angle, moment, pressure, stiffness */
-    dgfem_mat3 rotation; /* CLAMP */
+    int count;                /* of items */
+    int *items;               /* nodes, edges or elements, as the kind says */
+    int axes;                 /* FIX */
+    int follower;             /* MOMENT, PRESSURE: 1 when the load turns with the shell */
+    dgfem_vec3 vector;        /* displacement, normal of the plane, translation, line load, force, place */
+    dgfem_real scalar;        /* angle, moment, pressure, stiffness */
+    dgfem_mat3 rotation;      /* CLAMP */
     dgfem_vec3 vector_before; /* what the last static solve or step ended with: where the next static solve begins */
     dgfem_real scalar_before;
     dgfem_mat3 rotation_before;
@@ -282,16 +284,16 @@ typedef struct dgfem_shell_system dgfem_shell_system; /* precomputed integrals a
 /* State of a shell. Read freely; change only through functions. */
 typedef struct dgfem_shell {
     dgfem_shell_desc desc;
-    int revision;             /* grows with every change of topology */
+    int revision; /* grows with every change of topology */
     int node_count, element_count, edge_count;
-    dgfem_vec3 *rest;         /* [node_count] */
-    dgfem_vec3 *position;     /* [node_count] */
-    dgfem_vec3 *velocity;     /* [node_count] */
-    dgfem_real *node_area;    /* [node_count] what each node has of the area; sums to it */
-    dgfem_real *node_mass;    /* [node_count] lumped */
-    dgfem_real *node_load;    /* [node_count] integral of density * thickness * N: times gravity its weight */
-    dgfem_real *node_half;    /* [node_count] half the thickness: the largest of the node's elements */
-    dgfem_real *node_spring;  /* [node_count] E * thickness, for contact (N/m) */
+    dgfem_vec3 *rest;        /* [node_count] */
+    dgfem_vec3 *position;    /* [node_count] */
+    dgfem_vec3 *velocity;    /* [node_count] */
+    dgfem_real *node_area;   /* [node_count] what each node has of the area; sums to it */
+    dgfem_real *node_mass;   /* [node_count] lumped */
+    dgfem_real *node_load;   /* [node_count] integral of density * thickness * N: times gravity its weight */
+    dgfem_real *node_half;   /* [node_count] half the thickness: the largest of the node's elements */
+    dgfem_real *node_spring; /* [node_count] E * thickness, for contact (N/m) */
     dgfem_shell_element *elements;
     dgfem_shell_edge *edges;
     int condition_count, condition_capacity, next_id;
@@ -299,30 +301,30 @@ typedef struct dgfem_shell {
     int shape_count, shape_capacity;
     dgfem_shape *shapes;
     dgfem_vec3 gravity_before; /* as vector_before of a condition */
-    double time;              /* sum of the steps */
+    double time;               /* sum of the steps */
     dgfem_shell_system *system;
     dgfem_hooks hooks;
 } dgfem_shell;
 
 typedef struct dgfem_shell_info {
-    int iterations;          /* Newton iterations, of all load steps */
-    int load_steps;          /* static solve: taken, halved ones included */
-    int shifts;              /* factorizations repeated because the tangent was not positive definite */
-    int contacts;            /* nodes that touched a shape */
-    int failed_node;         /* whose pivot was not positive, or DGFEM_NONE */
-    dgfem_real residual;     /* of the last iterate, relative to the forces */
+    int iterations;      /* Newton iterations, of all load steps */
+    int load_steps;      /* static solve: taken, halved ones included */
+    int shifts;          /* factorizations repeated because the tangent was not positive definite */
+    int contacts;        /* nodes that touched a shape */
+    int failed_node;     /* whose pivot was not positive, or DGFEM_NONE */
+    dgfem_real residual; /* of the last iterate, relative to the forces */
     double seconds_assemble, seconds_factor, seconds_solve; /* 0 without a clock */
 } dgfem_shell_info;
 
 typedef struct dgfem_shell_static_desc {
     unsigned cookie;
-    int load_steps;          /* loads and prescribed motions are applied in this many equal parts; default 1 */
-    int max_halvings;        /* how often a part that fails may be halved; default 6 */
-    int max_iterations;      /* of Newton per part; default 40 */
-    dgfem_real tolerance;    /* residual relative to the forces; default 1e-8 (float: 1e-3) */
-    int line_search;         /* 0: none; 1 (default): in parts that had to be halved; 2: always, which is slow */
-    int frozen;              /* 0 (default): Newton with the consistent tangent; 1: fixed point with frozen rotations */
-    dgfem_real relaxation;   /* of the fixed point: part of each update that is taken; default 0.5 */
+    int load_steps;        /* loads and prescribed motions are applied in this many equal parts; default 1 */
+    int max_halvings;      /* how often a part that fails may be halved; default 6 */
+    int max_iterations;    /* of Newton per part; default 40 */
+    dgfem_real tolerance;  /* residual relative to the forces; default 1e-8 (float: 1e-3) */
+    int line_search;       /* 0: none; 1 (default): in parts that had to be halved; 2: always, which is slow */
+    int frozen;            /* 0 (default): Newton with the consistent tangent; 1: fixed point with frozen rotations */
+    dgfem_real relaxation; /* of the fixed point: part of each update that is taken; default 0.5 */
 } dgfem_shell_static_desc;
 
 DGFEM_API dgfem_shell_desc dgfem_default_shell_desc(void);
@@ -399,9 +401,9 @@ DGFEM_API dgfem_status dgfem_shell_move_shape(dgfem_shell *shell, int id, const 
 
 /* ---- motion ---- */
 
-/* One step of implicit Euler with Newton iterations on the consistent tangent; where that is not positive definite, with
-   mass added. It ends after step_iterations at the latest and takes what it has: info (may be NULL) tells the
-   residual. Nothing is allocated. On failure nothing has changed. */
+/* One step of implicit Euler with Newton iterations on the consistent tangent; where that is not positive definite,
+   with mass added. It ends after step_iterations at the latest and takes what it has, or where that is nothing, one
+   semi-implicit step: info (may be NULL) tells the residual. Nothing is allocated. On failure nothing has changed. */
 DGFEM_API dgfem_status dgfem_shell_step(dgfem_shell *shell, dgfem_real dt, dgfem_shell_info *info);
 
 /* Static equilibrium, from the current state, of loads, fixtures and pins (contact takes no part). Velocities become
@@ -429,8 +431,8 @@ DGFEM_API dgfem_status dgfem_shell_evaluate(const dgfem_shell *shell, int elemen
 typedef struct dgfem_shell_strain {
     dgfem_real membrane[3], bending[3];
     dgfem_real force[3], moment[3];
-    dgfem_mat3 rotation;  /* of the point, from rest */
-    dgfem_mat3 frame;     /* columns: first and second axis, normal, at rest */
+    dgfem_mat3 rotation; /* of the point, from rest */
+    dgfem_mat3 frame;    /* columns: first and second axis, normal, at rest */
 } dgfem_shell_strain;
 
 DGFEM_API dgfem_status dgfem_shell_strain_at(const dgfem_shell *shell, int element, dgfem_real a, dgfem_real b,
@@ -460,24 +462,26 @@ DGFEM_API dgfem_real dgfem_shell_area(const dgfem_shell *shell); /* at rest */
 /* ---- cutting ---- */
 
 /* Separates (DGFEM_SHELL_GAP) or unglues (DGFEM_SHELL_HINGE) interior edges, or glues hinges again (DGFEM_SHELL_GLUED).
-   Nodes around which elements fall apart are doubled; fixtures hold all copies, forces and pins stay with one. On failure nothing has changed. */
+   Nodes around which elements fall apart are doubled; fixtures hold all copies, forces and pins stay with one. On
+   failure nothing has changed. */
 DGFEM_API dgfem_status dgfem_shell_cut_edges(dgfem_shell *shell, const int *edges, int count, dgfem_shell_joint joint);
 
 typedef struct dgfem_shell_cut_desc {
     unsigned cookie;
-    dgfem_plane plane;       /* of the cut */
-    int current;             /* 0: plane and segment are meant at rest; 1 (default): in the current positions */
-    int bounded;             /* 0 (default): all of the plane; 1: only elements whose part of the cut has its middle */
-    dgfem_vec3 from, to;     /*   between the planes through these points, perpendicular to the line from one to the other */
-    dgfem_real snap;         /* a corner nearer to the plane than this part of a crossed side counts as on it; default 0.1 */
+    dgfem_plane plane; /* of the cut */
+    int current;       /* 0: plane and segment are meant at rest; 1 (default): in the current positions */
+    int bounded;       /* 0 (default): all of the plane; 1: only elements whose part of the cut has its middle */
+    dgfem_vec3 from,
+        to;          /*   between the planes through these points, perpendicular to the line from one to the other */
+    dgfem_real snap; /* a corner nearer to the plane than this part of a crossed side counts as on it; default 0.1 */
     dgfem_shell_joint joint; /* default gap; glued only refines along the plane */
 } dgfem_shell_cut_desc;
 
 typedef struct dgfem_shell_cut_info {
-    int elements_split;      /* elements that were replaced by triangles */
-    int edges_cut;           /* edges along which the shell came apart */
+    int elements_split; /* elements that were replaced by triangles */
+    int edges_cut;      /* edges along which the shell came apart */
     int nodes_added;
-    int pieces;              /* connected components afterwards */
+    int pieces; /* connected components afterwards */
 } dgfem_shell_cut_info;
 
 DGFEM_API dgfem_shell_cut_desc dgfem_default_shell_cut_desc(void);
@@ -495,9 +499,9 @@ DGFEM_API dgfem_status dgfem_shell_pieces(const dgfem_shell *shell, int *count, 
 
 typedef struct dgfem_shell_surface_desc {
     unsigned cookie;
-    int subdivision;       /* each side of an element becomes this many; default 2 */
-    int sides;             /* 2 (default): both faces, half the thickness apart from the middle, closed by rims; 1: the */
-    dgfem_hooks hooks;     /*   middle surface */
+    int subdivision;   /* each side of an element becomes this many; default 2 */
+    int sides;         /* 2 (default): both faces, half the thickness apart from the middle, closed by rims; 1: the */
+    dgfem_hooks hooks; /*   middle surface */
 } dgfem_shell_surface_desc;
 
 typedef struct dgfem_shell_surface {
@@ -508,10 +512,10 @@ typedef struct dgfem_shell_surface {
     int *triangle_element; /* element of each triangle */
     int revision;          /* of the shell it was made for */
     int subdivision, sides;
-    int point_count;       /* points of the middle surface */
-    int *point_of;         /* for each element its points, row by row */
-    int *point_start;      /* [elements + 1] */
-    dgfem_real *half;      /* [points] half the thickness */
+    int point_count;  /* points of the middle surface */
+    int *point_of;    /* for each element its points, row by row */
+    int *point_start; /* [elements + 1] */
+    dgfem_real *half; /* [points] half the thickness */
     dgfem_hooks hooks;
 } dgfem_shell_surface;
 
@@ -627,7 +631,9 @@ static void dgfem_shelli_scratch_free(dgfem_shelli_scratch *scratch) {
     while (scratch->count) dgfem_shelli_free(scratch->hooks, scratch->blocks[--scratch->count]);
 }
 
-static double dgfem_shelli_clock(const dgfem_hooks *hooks) { return hooks->clock ? hooks->clock(hooks->clock_user) : 0; }
+static double dgfem_shelli_clock(const dgfem_hooks *hooks) {
+    return hooks->clock ? hooks->clock(hooks->clock_user) : 0;
+}
 
 /* ---- scalars and vectors ---- */
 
@@ -859,9 +865,7 @@ static dgfem_shelli_parameter dgfem_shelli_side(int nodes, int side, dgfem_real 
 enum { DGFEM_SHELLI_EDGE_POINTS = 3, DGFEM_SHELLI_MAX_POINTS = 4, DGFEM_SHELLI_MAX_FINE = 9 };
 
 /* Gauss-Legendre with three points on [-1, 1]. */
-static dgfem_real dgfem_shelli_gauss_point(int q) {
-    return (dgfem_real)((q - 1) * 0.77459666924148337704);
-}
+static dgfem_real dgfem_shelli_gauss_point(int q) { return (dgfem_real)((q - 1) * 0.77459666924148337704); }
 static dgfem_real dgfem_shelli_gauss_weight(int q) { return (dgfem_real)(q == 1 ? 8.0 / 9 : 5.0 / 9); }
 
 /* Points of the membrane and bending terms: 2 x 2 Gauss, for triangles 3 inside. More points lock. */
@@ -871,7 +875,8 @@ static dgfem_shelli_parameter dgfem_shelli_quadrature(int nodes, int q, dgfem_re
     const dgfem_real g = (dgfem_real)0.57735026918962576451;
     *weight = nodes == 8 ? DGFEM_R(1) : (dgfem_real)(1.0 / 6);
     if (nodes == 8) return dgfem_shelli_parameter_make(q & 1 ? g : -g, q & 2 ? g : -g);
-    return dgfem_shelli_parameter_make((dgfem_real)(q == 1 ? 2.0 / 3 : 1.0 / 6), (dgfem_real)(q == 2 ? 2.0 / 3 : 1.0 / 6));
+    return dgfem_shelli_parameter_make((dgfem_real)(q == 1 ? 2.0 / 3 : 1.0 / 6),
+                                       (dgfem_real)(q == 2 ? 2.0 / 3 : 1.0 / 6));
 }
 
 /* Points for area, mass and loads: 3 x 3 Gauss, for triangles 7 of degree 5. */
@@ -897,11 +902,11 @@ static dgfem_shelli_parameter dgfem_shelli_fine(int nodes, int q, dgfem_real *we
 /* ---- geometry of a point of a curved element ---- */
 
 typedef struct dgfem_shelli_frame {
-    dgfem_vec3 e1, e2;          /* covariant base vectors */
-    dgfem_vec3 e11, e22, e12;   /* second derivatives */
-    dgfem_vec3 c1, c2;          /* contravariant base vectors */
-    dgfem_vec3 t;               /* unit normal */
-    dgfem_real j;               /* area per parameter area */
+    dgfem_vec3 e1, e2;        /* covariant base vectors */
+    dgfem_vec3 e11, e22, e12; /* second derivatives */
+    dgfem_vec3 c1, c2;        /* contravariant base vectors */
+    dgfem_vec3 t;             /* unit normal */
+    dgfem_real j;             /* area per parameter area */
 } dgfem_shelli_frame;
 
 static dgfem_vec3 dgfem_shelli_sum(const dgfem_real *n, const dgfem_vec3 *x, int count) {
@@ -1133,7 +1138,7 @@ static dgfem_status dgfem_shelli_place_middles(dgfem_shell *shell, const dgfem_s
 static dgfem_status dgfem_shelli_check_used(const dgfem_shell *shell) {
     dgfem_shelli_scratch scratch = dgfem_shelli_scratch_make(&shell->hooks);
     char *used = (char *)dgfem_shelli_take(&scratch, (size_t)shell->node_count, 1);
-    dgfem_status status = used ? DGFEM_OK : dgfem_shelli_fail_memory(&shell->hooks);
+    dgfem_status status = used ? DGFEM_OK : DGFEM_ERROR_MEMORY;
     for (int e = 0; !status && e < shell->element_count; e++)
         for (int a = 0; a < shell->elements[e].node_count; a++) used[shell->elements[e].node[a]] = 1;
     for (int i = 0; !status && i < shell->node_count; i++)
@@ -1184,7 +1189,7 @@ static dgfem_status dgfem_shelli_join_edge(dgfem_shell *shell, int e, int k, int
 static dgfem_status dgfem_shelli_connect(dgfem_shell *shell) {
     dgfem_shelli_scratch scratch = dgfem_shelli_scratch_make(&shell->hooks);
     int *edge_of = (int *)dgfem_shelli_take(&scratch, (size_t)shell->node_count, sizeof(int));
-    dgfem_status status = edge_of ? DGFEM_OK : dgfem_shelli_fail_memory(&shell->hooks);
+    dgfem_status status = edge_of ? DGFEM_OK : DGFEM_ERROR_MEMORY;
     shell->edge_count = 0;
     for (int i = 0; !status && i < shell->node_count; i++) edge_of[i] = DGFEM_NONE;
     for (int e = 0; !status && e < shell->element_count; e++) {
@@ -1370,23 +1375,23 @@ typedef enum dgfem_shelli_kind { DGFEM_SHELLI_ELEMENT, DGFEM_SHELLI_GLUE, DGFEM_
 /* The nodes of one element, or of the one or two elements at an edge, and its quadrature points. */
 typedef struct dgfem_shelli_group {
     dgfem_shelli_kind kind;
-    int owner;                   /* element or edge */
-    int sides;                   /* elements: 1 or 2 */
+    int owner; /* element or edge */
+    int sides; /* elements: 1 or 2 */
     int element[2];
     signed char local[2][DGFEM_SHELL_MAX_NODES]; /* where the nodes of each side stand among the group's */
-    int node_start, node_count;  /* range of system->nodes */
+    int node_start, node_count;                  /* range of system->nodes */
     int point_start, point_count;
-    size_t map_start;            /* of the n (n + 1) / 2 pairs (a >= b) in system->map */
+    size_t map_start; /* of the n (n + 1) / 2 pairs (a >= b) in system->map */
 } dgfem_shelli_group;
 
 typedef struct dgfem_shelli_point {
-    int basis[2];                /* of each side, in system->basis */
-    size_t strain_start;         /* S: rows x 3n, row-major */
-    size_t gradient_start;       /* D_a: n vectors */
-    dgfem_real c[12];            /* element: lower halves of w j Hn and w j Hm; edge: ds eta D / h, ds */
-    dgfem_vec3 t;                /* normal at rest */
-    dgfem_vec3 f1, f2;           /* edge: unit tangent (along element[0] reversed on the boundary), conormal */
-    dgfem_real weight;           /* w j, or ds: area or length at rest */
+    int basis[2];          /* of each side, in system->basis */
+    size_t strain_start;   /* S: rows x 3n, row-major */
+    size_t gradient_start; /* D_a: n vectors */
+    dgfem_real c[12];      /* element: lower halves of w j Hn and w j Hm; edge: ds eta D / h, ds */
+    dgfem_vec3 t;          /* normal at rest */
+    dgfem_vec3 f1, f2;     /* edge: unit tangent (along element[0] reversed on the boundary), conormal */
+    dgfem_real weight;     /* w j, or ds: area or length at rest */
 } dgfem_shelli_point;
 
 /* All basis functions at all quadrature points: elements, then sides, then the points of masses. */
@@ -1407,17 +1412,17 @@ struct dgfem_shell_system {
     int *nodes;
     dgfem_real *strains;
     dgfem_vec3 *gradients;
-    size_t *map;               /* value offset of each pair's block in the matrix */
-    dgfem_mat3 *rotations;     /* [points] of the last evaluation: where F has none, it is kept */
+    size_t *map;           /* value offset of each pair's block in the matrix */
+    dgfem_mat3 *rotations; /* [points] of the last evaluation: where F has none, it is kept */
     dgfem_shelli_basis basis[DGFEM_SHELLI_BASIS_COUNT];
     dgfem_matrix *matrix;
     dgfem_cholesky *cholesky;
-    size_t *diagonal;          /* [nodes] value offset of the diagonal blocks */
-    char *held;                /* [nodes] whether any direction is held */
-    dgfem_mat3 *free_part;     /* [nodes] projector on the directions that are free */
-    dgfem_vec3 *target;        /* [nodes] prescribed displacement, in the held directions */
-    dgfem_real part;           /* 0..1: how far loads and rotations of supports have gone from `before` to now; else 1 */
-    dgfem_real *work;          /* DGFEM_SHELLI_VECTORS vectors of all nodes */
+    size_t *diagonal;      /* [nodes] value offset of the diagonal blocks */
+    char *held;            /* [nodes] whether any direction is held */
+    dgfem_mat3 *free_part; /* [nodes] projector on the directions that are free */
+    dgfem_vec3 *target;    /* [nodes] prescribed displacement, in the held directions */
+    dgfem_real part;       /* 0..1: how far loads and rotations of supports have gone from `before` to now; else 1 */
+    dgfem_real *work;      /* DGFEM_SHELLI_VECTORS vectors of all nodes */
 };
 
 static void dgfem_shelli_tabulate(dgfem_shelli_basis *basis) {
@@ -1446,8 +1451,8 @@ static const dgfem_shelli_basis *dgfem_shelli_fine_basis(const dgfem_shell_syste
 static dgfem_real dgfem_shelli_fine_area(const dgfem_shelli_basis *f, const dgfem_vec3 *x, int nodes, int q) {
     dgfem_real weight;
     (void)dgfem_shelli_fine(nodes, q, &weight);
-    return weight * dgfem_shelli_norm(dgfem_shelli_cross(dgfem_shelli_sum(f->d1, x, nodes),
-                                                         dgfem_shelli_sum(f->d2, x, nodes)));
+    return weight *
+           dgfem_shelli_norm(dgfem_shelli_cross(dgfem_shelli_sum(f->d1, x, nodes), dgfem_shelli_sum(f->d2, x, nodes)));
 }
 
 /* Bending stiffness D and, with `squared` 1 in place of 3, membrane stiffness E h / (1 - nu^2). */
@@ -1489,15 +1494,15 @@ static void dgfem_shelli_membrane_rows(const dgfem_shelli_basis *f, const dgfem_
     }
 }
 
-/* One row of the bending strain rho_ab = -delta(phi_ab . t), for the second derivative phi_ab = `second` and that of the
-   shape functions `d`, times `factor`; eq. (28). */
+/* One row of the bending strain rho_ab = -delta(phi_ab . t), for the second derivative phi_ab = `second` and that of
+   the shape functions `d`, times `factor`; eq. (28). */
 static void dgfem_shelli_bending_row(const dgfem_shelli_basis *f, const dgfem_shelli_frame *frame, dgfem_vec3 second,
                                      const dgfem_real *d, dgfem_real factor, int n, dgfem_real *row) {
     dgfem_real curvature = dgfem_shelli_dot(second, frame->t);
-    dgfem_vec3 u = dgfem_shelli_axpy(dgfem_shelli_cross(second, frame->e2), curvature,
-                                     dgfem_shelli_cross(frame->e2, frame->t));
-    dgfem_vec3 v = dgfem_shelli_axpy(dgfem_shelli_cross(second, frame->e1), curvature,
-                                     dgfem_shelli_cross(frame->e1, frame->t));
+    dgfem_vec3 u =
+        dgfem_shelli_axpy(dgfem_shelli_cross(second, frame->e2), curvature, dgfem_shelli_cross(frame->e2, frame->t));
+    dgfem_vec3 v =
+        dgfem_shelli_axpy(dgfem_shelli_cross(second, frame->e1), curvature, dgfem_shelli_cross(frame->e1, frame->t));
     for (int a = 0; a < n; a++) {
         dgfem_vec3 b = dgfem_shelli_scale(f->d1[a] / frame->j, u);
         b = dgfem_shelli_axpy(b, -f->d2[a] / frame->j, v);
@@ -1540,10 +1545,10 @@ static dgfem_status dgfem_shelli_build_element(const dgfem_shell *shell, dgfem_s
         point->f2 = dgfem_shelli_cross(frame.t, point->f1);
         dgfem_shelli_membrane_rows(f, &frame, n, s);
         dgfem_shelli_bending_rows(f, &frame, n, s + 9 * n);
-        dgfem_shelli_hooke(&frame, element->material.poisson,
-                           point->weight * dgfem_shelli_membrane_stiffness(element), point->c);
-        dgfem_shelli_hooke(&frame, element->material.poisson,
-                           point->weight * dgfem_shelli_bending_stiffness(element), point->c + 6);
+        dgfem_shelli_hooke(&frame, element->material.poisson, point->weight * dgfem_shelli_membrane_stiffness(element),
+                           point->c);
+        dgfem_shelli_hooke(&frame, element->material.poisson, point->weight * dgfem_shelli_bending_stiffness(element),
+                           point->c + 6);
         for (int a = 0; a < n; a++)
             gradient[a] = dgfem_shelli_axpy(dgfem_shelli_scale(f->d1[a], frame.c1), f->d2[a], frame.c2);
     }
@@ -1620,7 +1625,8 @@ static void dgfem_shelli_add_side(const dgfem_shell *shell, dgfem_shell_system *
 
 /* Length per parameter and direction of the first side, as element[0] runs. */
 static dgfem_vec3 dgfem_shelli_side_tangent(const dgfem_shelli_frame *own, int nodes, int side) {
-    dgfem_shelli_parameter p = dgfem_shelli_corner(nodes, side), q = dgfem_shelli_corner(nodes, (side + 1) % (nodes / 2));
+    dgfem_shelli_parameter p = dgfem_shelli_corner(nodes, side),
+                           q = dgfem_shelli_corner(nodes, (side + 1) % (nodes / 2));
     return dgfem_shelli_axpy(dgfem_shelli_scale((q.a - p.a) / 2, own->e1), (q.b - p.b) / 2, own->e2);
 }
 
@@ -1702,11 +1708,11 @@ typedef struct dgfem_shelli_local {
 typedef struct dgfem_shelli_kinematics {
     int rows;
     dgfem_mat3 r;
-    dgfem_vec3 y[DGFEM_SHELLI_MAX_GROUP];      /* R^T x */
+    dgfem_vec3 y[DGFEM_SHELLI_MAX_GROUP]; /* R^T x */
     dgfem_real strain[DGFEM_SHELLI_MAX_ROWS];
-    dgfem_real stress[DGFEM_SHELLI_MAX_ROWS];  /* C strain, weight included */
-    dgfem_vec3 force[DGFEM_SHELLI_MAX_GROUP];  /* p_a, rotated frame; outer moments subtracted */
-    dgfem_mat3 spin[DGFEM_SHELLI_MAX_GROUP];   /* W_a; only where asked for */
+    dgfem_real stress[DGFEM_SHELLI_MAX_ROWS]; /* C strain, weight included */
+    dgfem_vec3 force[DGFEM_SHELLI_MAX_GROUP]; /* p_a, rotated frame; outer moments subtracted */
+    dgfem_mat3 spin[DGFEM_SHELLI_MAX_GROUP];  /* W_a; only where asked for */
 } dgfem_shelli_kinematics;
 
 static void dgfem_shelli_local_take(const dgfem_shell *shell, const dgfem_shelli_group *group, const dgfem_vec3 *x,
@@ -1878,7 +1884,8 @@ static dgfem_real dgfem_shelli_rotate_support(const dgfem_shell *shell, const dg
     dgfem_mat3 turn = dgfem_shelli_identity();
     if (condition->kind == DGFEM_SHELL_CONDITION_CLAMP) turn = dgfem_shelli_rotation_now(shell, condition);
     if (condition->kind == DGFEM_SHELL_CONDITION_ROTATION)
-        turn = dgfem_shelli_rotation(point->f1, -dgfem_shelli_scalar_now(shell, condition)); /* f1 runs against the element */
+        turn = dgfem_shelli_rotation(point->f1,
+                                     -dgfem_shelli_scalar_now(shell, condition)); /* f1 runs against the element */
     k->r = turn;
     if (condition->kind == DGFEM_SHELL_CONDITION_SYMMETRY && shell->desc.corotational)
         dgfem_shelli_rotate_in_plane(shell, point, local, condition->vector, spins, k);
@@ -1951,7 +1958,8 @@ static void dgfem_shelli_evaluate(const dgfem_shell *shell, const dgfem_shelli_g
         k->y[a] = dgfem_shelli_multiply_transposed(&k->r, local->x[a]);
         u[a] = dgfem_shelli_sub(k->y[a], local->rest[a]);
     }
-    for (int i = 0; i < k->rows; i++) k->strain[i] = dgfem_shelli_row_product(s + 3 * i * local->count, u, local->count);
+    for (int i = 0; i < k->rows; i++)
+        k->strain[i] = dgfem_shelli_row_product(s + 3 * i * local->count, u, local->count);
     if (k->rows == 2) k->strain[0] += prescribed;
     dgfem_shelli_apply_stiffness(point, k->rows, k->strain, k->stress);
     dgfem_shelli_point_forces(s, k->rows, k->stress, local->count, k->force);
@@ -2016,8 +2024,9 @@ static void dgfem_shelli_spin_strains(const dgfem_real *s, int rows, const dgfem
     }
 }
 
-/* The stiffness of a point as a product left^T right of `terms` rows each. Rows 0 .. rows - 1: S R^T and
-   C (frozen S R^T + S [y]x W), where frozen is 1 without damping. With spins three more: -(R [p]x)^T and W. Returns the number of terms. */
+/* The stiffness of a point as a product left^T right of `terms` rows each. Rows 0 .. rows - 1: S R^T and C (frozen S
+   R^T + S [y]x W), where frozen is 1 without damping. With spins three more: -(R [p]x)^T and W. Returns the number of
+   terms. */
 static int dgfem_shelli_point_terms(const dgfem_shell *shell, const dgfem_shelli_point *point,
                                     const dgfem_shelli_kinematics *k, int count, int spins, dgfem_real frozen,
                                     dgfem_real *left, dgfem_real *right) {
@@ -2039,8 +2048,8 @@ static int dgfem_shelli_point_terms(const dgfem_shell *shell, const dgfem_shelli
             p = dgfem_shelli_multiply3(&k->r, &p);
             for (int j = 0; j < 3; j++) {
                 for (int i = 0; i < rows; i++)
-                    right[i * width + 3 * a + j] += turned[3 * i] * w->m[0][j] + turned[3 * i + 1] * w->m[1][j] +
-                                                    turned[3 * i + 2] * w->m[2][j];
+                    right[i * width + 3 * a + j] +=
+                        turned[3 * i] * w->m[0][j] + turned[3 * i + 1] * w->m[1][j] + turned[3 * i + 2] * w->m[2][j];
                 for (int i = 0; i < 3; i++) {
                     left[(rows + i) * width + 3 * a + j] = -p.m[j][i];
                     right[(rows + i) * width + 3 * a + j] = w->m[i][j];
@@ -2148,16 +2157,16 @@ static void dgfem_shelli_assemble(const dgfem_shell *shell, const dgfem_vec3 *x,
 
 /* Work vectors of all nodes. */
 enum {
-    DGFEM_SHELLI_X,        /* trial positions */
-    DGFEM_SHELLI_V,        /* trial velocities */
-    DGFEM_SHELLI_START,    /* positions at the beginning */
+    DGFEM_SHELLI_X,     /* trial positions */
+    DGFEM_SHELLI_V,     /* trial velocities */
+    DGFEM_SHELLI_START, /* positions at the beginning */
     DGFEM_SHELLI_RESIDUAL,
     DGFEM_SHELLI_FORCE,
     DGFEM_SHELLI_RHS,
     DGFEM_SHELLI_SOLUTION,
-    DGFEM_SHELLI_MOTION,   /* prescribed part of an increment */
+    DGFEM_SHELLI_MOTION, /* prescribed part of an increment */
     DGFEM_SHELLI_BEST,
-    DGFEM_SHELLI_KRYLOV,   /* and what follows: an orthonormal basis */
+    DGFEM_SHELLI_KRYLOV, /* and what follows: an orthonormal basis */
     DGFEM_SHELLI_VECTORS = DGFEM_SHELLI_KRYLOV + 10
 };
 
@@ -2247,10 +2256,9 @@ static int dgfem_shelli_lay_out(const dgfem_shell *shell, dgfem_shell_system *sy
                                dgfem_shelli_point_count(shell->elements[e].node_count), totals);
     for (int i = 0; i < shell->edge_count; i++)
         if (dgfem_shelli_edge_has_group(&shell->edges[i]))
-            dgfem_shelli_add_group(shell, system,
-                                   dgfem_shelli_is_boundary(&shell->edges[i]) ? DGFEM_SHELLI_BOUNDARY
-                                                                              : DGFEM_SHELLI_GLUE,
-                                   i, shell->edges[i].element, DGFEM_SHELLI_EDGE_POINTS, totals);
+            dgfem_shelli_add_group(
+                shell, system, dgfem_shelli_is_boundary(&shell->edges[i]) ? DGFEM_SHELLI_BOUNDARY : DGFEM_SHELLI_GLUE,
+                i, shell->edges[i].element, DGFEM_SHELLI_EDGE_POINTS, totals);
     system->strains = (dgfem_real *)dgfem_shelli_allocate(hooks, totals->strains, sizeof(dgfem_real));
     system->gradients = (dgfem_vec3 *)dgfem_shelli_allocate(hooks, totals->gradients, sizeof(dgfem_vec3));
     system->map = (size_t *)dgfem_shelli_allocate(hooks, totals->pairs, sizeof(size_t));
@@ -2296,6 +2304,7 @@ static dgfem_status dgfem_shelli_create_matrix(const dgfem_shell *shell, dgfem_s
         desc.pair_count = (int)pairs;
         desc.centres = shell->rest;
         desc.hooks = shell->hooks;
+        desc.hooks.log = NULL; /* the shell has its own line */
         status = dgfem_matrix_create(&desc, &system->matrix);
     }
     dgfem_shelli_scratch_free(&scratch);
@@ -2357,7 +2366,7 @@ static dgfem_status dgfem_shelli_system_create(dgfem_shell *shell) {
     for (int g = 0; g < system->group_count; g++) {
         const dgfem_shelli_group *group = &system->groups[g];
         dgfem_status status = group->kind == DGFEM_SHELLI_ELEMENT ? dgfem_shelli_build_element(shell, system, group)
-                                                                   : dgfem_shelli_build_edge(shell, system, group);
+                                                                  : dgfem_shelli_build_edge(shell, system, group);
         if (status) return status;
     }
     return dgfem_shelli_create_solver(shell, system, totals.pairs);
@@ -2577,8 +2586,7 @@ DGFEM_API dgfem_status dgfem_shell_fix_nodes(dgfem_shell *shell, const int *node
     if (!status) status = dgfem_shelli_check_vector(shell, displacement, "displacement");
     if (!status && (axes < 1 || axes > DGFEM_SHELL_XYZ))
         status = dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_ARGUMENT, "axes %d, expected 1..7", axes);
-    if (!status)
-        status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_FIX, nodes, count, id, &condition);
+    if (!status) status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_FIX, nodes, count, id, &condition);
     if (status) return status;
     condition->axes = axes;
     condition->vector = displacement;
@@ -2605,8 +2613,7 @@ DGFEM_API dgfem_status dgfem_shell_clamp(dgfem_shell *shell, const int *edges, i
     dgfem_shell_condition *condition;
     if (!shell) return DGFEM_ERROR_ARGUMENT;
     dgfem_status status = dgfem_shelli_check_boundary(shell, edges, count, 1);
-    if (!status)
-        status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_CLAMP, edges, count, id, &condition);
+    if (!status) status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_CLAMP, edges, count, id, &condition);
     if (!status) dgfem_shelli_refresh_edges(shell);
     return status;
 }
@@ -2668,8 +2675,7 @@ DGFEM_API dgfem_status dgfem_shell_set_moment(dgfem_shell *shell, const int *edg
     if (!shell) return DGFEM_ERROR_ARGUMENT;
     dgfem_status status = dgfem_shelli_check_boundary(shell, edges, count, 0);
     if (!status) status = dgfem_shelli_check_real(shell, moment, "moment");
-    if (!status)
-        status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_MOMENT, edges, count, id, &condition);
+    if (!status) status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_MOMENT, edges, count, id, &condition);
     if (status) return status;
     condition->scalar = moment;
     condition->follower = follower != 0;
@@ -2726,8 +2732,7 @@ DGFEM_API dgfem_status dgfem_shell_add_force(dgfem_shell *shell, const int *node
     if (!shell) return DGFEM_ERROR_ARGUMENT;
     dgfem_status status = dgfem_shelli_check_items(shell, nodes, count, shell->node_count, "node");
     if (!status) status = dgfem_shelli_check_vector(shell, force, "force");
-    if (!status)
-        status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_FORCE, nodes, count, id, &condition);
+    if (!status) status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_FORCE, nodes, count, id, &condition);
     if (!status) condition->vector = force;
     return status;
 }
@@ -2737,8 +2742,7 @@ DGFEM_API dgfem_status dgfem_shell_pin(dgfem_shell *shell, int node, dgfem_real 
     if (!shell) return DGFEM_ERROR_ARGUMENT;
     dgfem_status status = dgfem_shelli_check_items(shell, &node, 1, shell->node_count, "node");
     if (!status) status = dgfem_shelli_check_scalar(&shell->hooks, stiffness, 0, "stiffness");
-    if (!status)
-        status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_PIN, &node, 1, id, &condition);
+    if (!status) status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_PIN, &node, 1, id, &condition);
     if (status) return status;
     condition->scalar = stiffness;
     condition->vector = shell->position[node];
@@ -2911,8 +2915,7 @@ static void dgfem_shelli_add_line_load(const dgfem_shell *shell, const dgfem_she
             tangent = dgfem_shelli_axpy(tangent, d[1], shell->rest[node[1]]);
             tangent = dgfem_shelli_axpy(tangent, d[2], shell->rest[node[2]]);
             dgfem_real length = factor * dgfem_shelli_gauss_weight(q) * dgfem_shelli_norm(tangent);
-            for (int a = 0; a < 3; a++)
-                out[node[a]] = dgfem_shelli_axpy(out[node[a]], length * n[a], load);
+            for (int a = 0; a < 3; a++) out[node[a]] = dgfem_shelli_axpy(out[node[a]], length * n[a], load);
         }
     }
 }
@@ -2960,8 +2963,7 @@ static void dgfem_shelli_add_external(const dgfem_shell *shell, const dgfem_vec3
                                       dgfem_vec3 *out) {
     const dgfem_real *weight = lumped ? shell->node_mass : shell->node_load;
     dgfem_vec3 gravity = dgfem_shelli_between(shell, shell->gravity_before, shell->desc.gravity);
-    for (int i = 0; i < shell->node_count; i++)
-        out[i] = dgfem_shelli_axpy(out[i], factor * weight[i], gravity);
+    for (int i = 0; i < shell->node_count; i++) out[i] = dgfem_shelli_axpy(out[i], factor * weight[i], gravity);
     for (int c = 0; c < shell->condition_count; c++) {
         const dgfem_shell_condition *condition = &shell->conditions[c];
         if (condition->kind == DGFEM_SHELL_CONDITION_PRESSURE)
@@ -2973,8 +2975,8 @@ static void dgfem_shelli_add_external(const dgfem_shell *shell, const dgfem_vec3
         for (int i = 0; i < condition->count; i++) {
             dgfem_vec3 *to = &out[condition->items[i]], force = dgfem_shelli_vector_now(shell, condition);
             if (pin)
-                force = dgfem_shelli_scale(condition->scalar,
-                                           dgfem_shelli_sub(condition->vector, x[condition->items[i]]));
+                force =
+                    dgfem_shelli_scale(condition->scalar, dgfem_shelli_sub(condition->vector, x[condition->items[i]]));
             *to = dgfem_shelli_axpy(*to, factor, force);
         }
     }
@@ -3237,11 +3239,11 @@ static dgfem_status dgfem_shelli_solve(dgfem_shell *shell, const dgfem_vec3 *rhs
 
 /* How a solve stands. */
 typedef struct dgfem_shelli_path {
-    dgfem_real part;        /* s */
-    dgfem_real scale;       /* size of the forces that balance */
-    dgfem_real stiffness;   /* largest diagonal, for the round-off of forces */
-    dgfem_real extent;      /* of the shell */
-    int search;             /* whether to search along the lines */
+    dgfem_real part;      /* s */
+    dgfem_real scale;     /* size of the forces that balance */
+    dgfem_real stiffness; /* largest diagonal, for the round-off of forces */
+    dgfem_real extent;    /* of the shell */
+    int search;           /* whether to search along the lines */
 } dgfem_shelli_path;
 
 /* r = F_ext - f_int at x, without the reactions of what is held; also sets the scale. */
@@ -3391,14 +3393,13 @@ static dgfem_status dgfem_shelli_increment(dgfem_shell *shell, const dgfem_vec3 
     dgfem_shelli_assemble_external(shell, x, !frozen, 1);
     path->stiffness = dgfem_shelli_shift_diagonal(shell, 0);
     memset(rhs, 0, dgfem_shelli_bytes(shell));
-    if (moves)
-        dgfem_matrix_multiply(shell->system->matrix, dgfem_shelli_reals(motion), dgfem_shelli_reals_of(rhs));
+    if (moves) dgfem_matrix_multiply(shell->system->matrix, dgfem_shelli_reals(motion), dgfem_shelli_reals_of(rhs));
     for (int i = 0; i < shell->node_count; i++) rhs[i] = dgfem_shelli_sub(r[i], rhs[i]);
     dgfem_shelli_hold_vector(shell, rhs);
     dgfem_shelli_hold_matrix(shell);
     info->seconds_assemble += dgfem_shelli_clock(&shell->hooks) - start;
-    dgfem_status status = shell->desc.corotational ? dgfem_shelli_factor_shifted(shell, info)
-                                                   : dgfem_shelli_factor(shell, info);
+    dgfem_status status =
+        shell->desc.corotational ? dgfem_shelli_factor_shifted(shell, info) : dgfem_shelli_factor(shell, info);
     if (!status) status = dgfem_shelli_solve(shell, rhs, solution, info);
     if (status) return status;
     dgfem_shelli_hold_vector(shell, solution);
@@ -3446,7 +3447,8 @@ static dgfem_status dgfem_shelli_iterate(dgfem_shell *shell, const dgfem_shell_s
     dgfem_vec3 *x = dgfem_shelli_vector(shell, DGFEM_SHELLI_X), *r = dgfem_shelli_vector(shell, DGFEM_SHELLI_RESIDUAL);
     dgfem_vec3 *best = dgfem_shelli_vector(shell, DGFEM_SHELLI_BEST);
     for (int iteration = 0; iteration < desc->max_iterations; iteration++) {
-        dgfem_real moved = dgfem_shelli_prescribed(shell, x, path->part, dgfem_shelli_vector(shell, DGFEM_SHELLI_MOTION));
+        dgfem_real moved =
+            dgfem_shelli_prescribed(shell, x, path->part, dgfem_shelli_vector(shell, DGFEM_SHELLI_MOTION));
         int moves = moved > 10 * DGFEM_SHELL_EPSILON * path->extent;
         if (iteration == 0) dgfem_shelli_residual(shell, x, path, r);
         int refine = !desc->frozen && shell->desc.corotational && iteration >= 3;
@@ -3464,7 +3466,8 @@ static dgfem_status dgfem_shelli_iterate(dgfem_shell *shell, const dgfem_shell_s
         dgfem_real residual = dgfem_shelli_length(shell, r);
         info->residual = path->scale > 0 ? residual / path->scale : 0;
         if (!dgfem_shelli_is_finite(residual)) return DGFEM_ERROR_NOT_CONVERGED;
-        if (!shell->desc.corotational || dgfem_shelli_converged(shell, path, desc->tolerance, residual)) return DGFEM_OK;
+        if (!shell->desc.corotational || dgfem_shelli_converged(shell, path, desc->tolerance, residual))
+            return DGFEM_OK;
     }
     return DGFEM_ERROR_NOT_CONVERGED;
 }
@@ -3581,8 +3584,8 @@ static int dgfem_shelli_touches(const dgfem_shell *shell, const dgfem_shape *sha
     dgfem_real depth = shell->node_half[i] - dgfem_shape_distance(shape, shell->position[i], &before);
     if (!(depth > 0)) return 1;
     dgfem_vec3 slide = dgfem_shelli_axpy(touch->relative, -speed, touch->normal);
-    touch->tangential = desc->friction * touch->spring * depth /
-                        dgfem_shelli_max(dgfem_shelli_norm(slide), desc->slip_speed);
+    touch->tangential =
+        desc->friction * touch->spring * depth / dgfem_shelli_max(dgfem_shelli_norm(slide), desc->slip_speed);
     return 1;
 }
 
@@ -3643,10 +3646,9 @@ static void dgfem_shelli_add_momentum(const dgfem_shell *shell, dgfem_real facto
         dgfem_shelli_gather(v, element->node, n, w);
         for (int q = 0; q < dgfem_shelli_fine_count(n); q++) {
             const dgfem_shelli_basis *f = dgfem_shelli_fine_basis(shell->system, n, q);
-            dgfem_vec3 flow = dgfem_shelli_scale(density * dgfem_shelli_fine_area(f, x, n, q),
-                                                 dgfem_shelli_sum(f->n, w, n));
-            for (int a = 0; a < n; a++)
-                out[element->node[a]] = dgfem_shelli_axpy(out[element->node[a]], f->n[a], flow);
+            dgfem_vec3 flow =
+                dgfem_shelli_scale(density * dgfem_shelli_fine_area(f, x, n, q), dgfem_shelli_sum(f->n, w, n));
+            for (int a = 0; a < n; a++) out[element->node[a]] = dgfem_shelli_axpy(out[element->node[a]], f->n[a], flow);
         }
     }
 }
@@ -3740,11 +3742,18 @@ static dgfem_status dgfem_shelli_factor_step(dgfem_shell *shell, dgfem_real h, c
     return dgfem_shelli_factor_shifted(shell, info);
 }
 
+/* One Newton iteration: v += A^-1 r. */
 static dgfem_status dgfem_shelli_step_solve(dgfem_shell *shell, dgfem_real h, const dgfem_vec3 *x, dgfem_vec3 *v,
-                                            dgfem_shell_info *info) {
+                                            int frozen, dgfem_shell_info *info) {
     dgfem_vec3 *r = dgfem_shelli_vector(shell, DGFEM_SHELLI_RESIDUAL);
     dgfem_vec3 *solution = dgfem_shelli_vector(shell, DGFEM_SHELLI_SOLUTION);
-    dgfem_status status = dgfem_shelli_factor_step(shell, h, x, v, info);
+    dgfem_status status;
+    if (frozen) {
+        dgfem_shelli_assemble_step(shell, h, x, v, 0);
+        status = dgfem_shelli_factor_shifted(shell, info);
+    } else {
+        status = dgfem_shelli_factor_step(shell, h, x, v, info);
+    }
     if (!status) status = dgfem_shelli_solve(shell, r, solution, info);
     if (status) return status;
     dgfem_shelli_hold_vector(shell, solution);
@@ -3752,7 +3761,25 @@ static dgfem_status dgfem_shelli_step_solve(dgfem_shell *shell, dgfem_real h, co
     return DGFEM_OK;
 }
 
+/* The step where Newton's method got nowhere: semi-implicit, with rotations and contacts of its beginning. */
+static dgfem_status dgfem_shelli_step_frozen(dgfem_shell *shell, dgfem_real h, dgfem_shell_info *info) {
+    dgfem_vec3 *x = dgfem_shelli_vector(shell, DGFEM_SHELLI_X), *v = dgfem_shelli_vector(shell, DGFEM_SHELLI_V);
+    dgfem_vec3 *r = dgfem_shelli_vector(shell, DGFEM_SHELLI_RESIDUAL);
+    dgfem_real scale;
+    memset(v, 0, dgfem_shelli_bytes(shell));
+    dgfem_shelli_hold_velocities(shell, h, v);
+    (void)dgfem_shelli_step_residual(shell, h, v, x, r, &scale);
+    dgfem_status status = dgfem_shelli_step_solve(shell, h, x, v, 1, info);
+    if (status) return status;
+    info->iterations++;
+    info->contacts = dgfem_shelli_step_residual(shell, h, v, x, r, &scale);
+    dgfem_real residual = dgfem_shelli_length(shell, r);
+    info->residual = scale > 0 ? residual / scale : 0;
+    return dgfem_shelli_is_finite(residual) ? DGFEM_OK : DGFEM_ERROR_NOT_FINITE;
+}
+
 static dgfem_status dgfem_shelli_step(dgfem_shell *shell, dgfem_real h, dgfem_shell_info *info) {
+    const dgfem_real lost = DGFEM_R(0.1); /* a residual that is as good as none */
     dgfem_vec3 *x = dgfem_shelli_vector(shell, DGFEM_SHELLI_X), *v = dgfem_shelli_vector(shell, DGFEM_SHELLI_V);
     dgfem_vec3 *r = dgfem_shelli_vector(shell, DGFEM_SHELLI_RESIDUAL);
     dgfem_real scale;
@@ -3761,14 +3788,15 @@ static dgfem_status dgfem_shelli_step(dgfem_shell *shell, dgfem_real h, dgfem_sh
     dgfem_shelli_hold_velocities(shell, h, v);
     info->contacts = dgfem_shelli_step_residual(shell, h, v, x, r, &scale);
     for (;;) {
-        dgfem_status status = dgfem_shelli_step_solve(shell, h, x, v, info);
+        dgfem_status status = dgfem_shelli_step_solve(shell, h, x, v, 0, info);
         if (status) return status;
         info->iterations++;
         info->contacts = dgfem_shelli_step_residual(shell, h, v, x, r, &scale);
         dgfem_real residual = dgfem_shelli_length(shell, r);
         info->residual = scale > 0 ? residual / scale : 0;
-        if (!dgfem_shelli_is_finite(residual)) return DGFEM_ERROR_NOT_FINITE;
-        if (residual <= shell->desc.step_tolerance * scale || info->iterations >= shell->desc.step_iterations) break;
+        if (residual <= shell->desc.step_tolerance * scale) break;
+        if (info->iterations >= shell->desc.step_iterations || !dgfem_shelli_is_finite(residual))
+            return residual <= lost * scale ? DGFEM_OK : dgfem_shelli_step_frozen(shell, h, info);
         if (!shell->desc.corotational && !shell->shape_count) break;
     }
     return DGFEM_OK;
@@ -3841,8 +3869,8 @@ DGFEM_API dgfem_status dgfem_shell_evaluate(const dgfem_shell *shell, int elemen
     dgfem_shelli_basis_at(e->node_count, dgfem_shelli_parameter_make(a, b), &f);
     if (position) *position = dgfem_shelli_sum(f.n, x, e->node_count);
     if (normal)
-        *normal = dgfem_shelli_unit(dgfem_shelli_cross(dgfem_shelli_sum(f.d1, x, e->node_count),
-                                                       dgfem_shelli_sum(f.d2, x, e->node_count)));
+        *normal = dgfem_shelli_unit(
+            dgfem_shelli_cross(dgfem_shelli_sum(f.d1, x, e->node_count), dgfem_shelli_sum(f.d2, x, e->node_count)));
     return DGFEM_OK;
 }
 
@@ -3985,8 +4013,8 @@ DGFEM_API dgfem_real dgfem_shell_area(const dgfem_shell *shell) {
 /* Topology that changes: edges separated or turned into hinges, elements split along a plane.
 
    Every change builds a new topology beside the old one and takes its place only when all of it has succeeded. Middle
-   nodes tell edges apart, so that separating two elements means giving one of them a middle node of its own; corners are
-   doubled where the elements around them no longer hang together. */
+   nodes tell edges apart, so that separating two elements means giving one of them a middle node of its own; corners
+   are doubled where the elements around them no longer hang together. */
 
 DGFEM_API dgfem_shell_cut_desc dgfem_default_shell_cut_desc(void) {
     dgfem_shell_cut_desc desc;
@@ -4006,8 +4034,8 @@ typedef struct dgfem_shelli_edit {
     dgfem_shell_element *elements;
     int element_count, element_capacity, node_count, node_capacity;
     dgfem_vec3 *rest, *position, *velocity; /* [node_capacity] */
-    int *element_from; /* [element_capacity] the old element that an element is (a piece of) */
-    int *parent;    /* [node_capacity] the old node that a node copies, or DGFEM_NONE */
+    int *element_from;                      /* [element_capacity] the old element that an element is (a piece of) */
+    int *parent;                            /* [node_capacity] the old node that a node copies, or DGFEM_NONE */
     int *on_edge;   /* [node_capacity] of a new node: the old edge that it lies on, or DGFEM_NONE */
     int *edge_from; /* [node_capacity] of a middle node: the old edge that its edge is (a part of), or DGFEM_NONE */
     char *joint;    /* [node_capacity] of a middle node: what becomes of its edge */
@@ -4023,8 +4051,7 @@ static dgfem_status dgfem_shelli_edit_begin(dgfem_shelli_edit *edit, const dgfem
     edit->element_count = shell->element_count;
     edit->node_count = shell->node_count;
     size_t n = (size_t)nodes;
-    edit->elements =
-        (dgfem_shell_element *)dgfem_shelli_take(&edit->scratch, (size_t)elements, sizeof *edit->elements);
+    edit->elements = (dgfem_shell_element *)dgfem_shelli_take(&edit->scratch, (size_t)elements, sizeof *edit->elements);
     edit->rest = (dgfem_vec3 *)dgfem_shelli_take(&edit->scratch, n, sizeof(dgfem_vec3));
     edit->position = (dgfem_vec3 *)dgfem_shelli_take(&edit->scratch, n, sizeof(dgfem_vec3));
     edit->velocity = (dgfem_vec3 *)dgfem_shelli_take(&edit->scratch, n, sizeof(dgfem_vec3));
@@ -4035,7 +4062,7 @@ static dgfem_status dgfem_shelli_edit_begin(dgfem_shelli_edit *edit, const dgfem
     edit->joint = (char *)dgfem_shelli_take(&edit->scratch, n, 1);
     if (!edit->elements || !edit->rest || !edit->position || !edit->velocity || !edit->parent || !edit->edge_from ||
         !edit->joint || !edit->element_from || !edit->on_edge)
-        return dgfem_shelli_fail_memory(&shell->hooks);
+        return DGFEM_ERROR_MEMORY;
     memcpy(edit->elements, shell->elements, (size_t)shell->element_count * sizeof *edit->elements);
     memcpy(edit->rest, shell->rest, dgfem_shelli_bytes(shell));
     memcpy(edit->position, shell->position, dgfem_shelli_bytes(shell));
@@ -4077,8 +4104,8 @@ static int dgfem_shelli_root(int *parent, int i) {
     return i;
 }
 
-/* Elements as seen from their corners: number 4 e + k. Those joined around a node, through edges that are no gaps, become
-   one class. side_of[] ends as the last side 4 e + k at each middle node. */
+/* Elements as seen from their corners: number 4 e + k. Those joined around a node, through edges that are no gaps,
+   become one class. side_of[] ends as the last side 4 e + k at each middle node. */
 static void dgfem_shelli_join_corners(const dgfem_shelli_edit *edit, int *class_of, int *side_of) {
     for (int i = 0; i < 4 * edit->element_count; i++) class_of[i] = i;
     for (int i = 0; i < edit->node_count; i++) side_of[i] = DGFEM_NONE;
@@ -4090,7 +4117,8 @@ static void dgfem_shelli_join_corners(const dgfem_shelli_edit *edit, int *class_
             side_of[middle] = 4 * e + k;
             if (other == DGFEM_NONE || edit->joint[middle] == DGFEM_SHELL_GAP) continue;
             int f = other / 4, l = other % 4, count = dgfem_shelli_corners(&edit->elements[f]);
-            int next = 4 * e + (k + 1) % corners, after = 4 * f + (l + 1) % count; /* neighbours run against each other */
+            int next = 4 * e + (k + 1) % corners,
+                after = 4 * f + (l + 1) % count; /* neighbours run against each other */
             class_of[dgfem_shelli_root(class_of, 4 * e + k)] = dgfem_shelli_root(class_of, after);
             class_of[dgfem_shelli_root(class_of, next)] = dgfem_shelli_root(class_of, 4 * f + l);
         }
@@ -4154,8 +4182,9 @@ static dgfem_status dgfem_shelli_renew_condition(const dgfem_shelli_edit *edit, 
                                                  dgfem_shell_condition *out) {
     int nodal = old->kind == DGFEM_SHELL_CONDITION_FIX || old->kind == DGFEM_SHELL_CONDITION_FORCE ||
                 old->kind == DGFEM_SHELL_CONDITION_PIN;
-    int limit = nodal ? next->node_count : old->kind == DGFEM_SHELL_CONDITION_PRESSURE ? next->element_count
-                                                                                      : next->edge_count;
+    int limit = nodal                                         ? next->node_count
+                : old->kind == DGFEM_SHELL_CONDITION_PRESSURE ? next->element_count
+                                                              : next->edge_count;
     *out = *old;
     out->count = 0;
     for (int i = 0; i < old->count; i++) mark[old->items[i]] = 1;
@@ -4164,7 +4193,7 @@ static dgfem_status dgfem_shelli_renew_condition(const dgfem_shelli_edit *edit, 
     for (int i = 0, k = 0; out->items && i < limit; i++)
         if (dgfem_shelli_belongs(edit, next, old, mark, i)) out->items[k++] = i;
     for (int i = 0; i < old->count; i++) mark[old->items[i]] = 0;
-    return out->items ? DGFEM_OK : dgfem_shelli_fail_memory(&next->hooks);
+    return out->items ? DGFEM_OK : DGFEM_ERROR_MEMORY;
 }
 
 static dgfem_status dgfem_shelli_renew_conditions(dgfem_shelli_edit *edit, dgfem_shell *next) {
@@ -4172,12 +4201,11 @@ static dgfem_status dgfem_shelli_renew_conditions(dgfem_shelli_edit *edit, dgfem
     size_t items = (size_t)old->node_count + (size_t)old->edge_count + (size_t)old->element_count;
     char *mark = (char *)dgfem_shelli_take(&edit->scratch, items, 1);
     next->condition_count = 0;
-    next->conditions = (dgfem_shell_condition *)dgfem_shelli_allocate(
-        &next->hooks, (size_t)old->condition_capacity, sizeof *next->conditions);
-    if (!mark || !next->conditions) return dgfem_shelli_fail_memory(&next->hooks);
+    next->conditions = (dgfem_shell_condition *)dgfem_shelli_allocate(&next->hooks, (size_t)old->condition_capacity,
+                                                                      sizeof *next->conditions);
+    if (!mark || !next->conditions) return DGFEM_ERROR_MEMORY;
     for (int c = 0; c < old->condition_count; c++) {
-        dgfem_status status =
-            dgfem_shelli_renew_condition(edit, next, &old->conditions[c], mark, &next->conditions[c]);
+        dgfem_status status = dgfem_shelli_renew_condition(edit, next, &old->conditions[c], mark, &next->conditions[c]);
         if (status) return status;
         next->condition_count++;
     }
@@ -4193,7 +4221,7 @@ static dgfem_status dgfem_shelli_edit_build(dgfem_shelli_edit *edit, dgfem_shell
     next->element_count = edit->element_count;
     next->node_count = edit->node_count;
     if (!dgfem_shelli_allocate_elements(next) || !dgfem_shelli_allocate_nodes(next))
-        return dgfem_shelli_fail_memory(&next->hooks);
+        return DGFEM_ERROR_MEMORY;
     memcpy(next->elements, edit->elements, (size_t)next->element_count * sizeof *next->elements);
     memcpy(next->rest, edit->rest, dgfem_shelli_bytes(next));
     memcpy(next->position, edit->position, dgfem_shelli_bytes(next));
@@ -4205,7 +4233,6 @@ static dgfem_status dgfem_shelli_edit_build(dgfem_shelli_edit *edit, dgfem_shell
         if (!dgfem_shelli_is_boundary(&next->edges[i]))
             next->edges[i].joint = (dgfem_shell_joint)edit->joint[next->edges[i].node[2]];
     status = dgfem_shelli_system_create(next);
-    if (status == DGFEM_ERROR_MEMORY) return dgfem_shelli_fail_memory(&next->hooks);
     return status ? status : dgfem_shelli_renew_conditions(edit, next);
 }
 
@@ -4213,7 +4240,7 @@ static dgfem_status dgfem_shelli_edit_build(dgfem_shelli_edit *edit, dgfem_shell
 static dgfem_status dgfem_shelli_edit_commit(dgfem_shelli_edit *edit, dgfem_shell *shell, int *separated) {
     dgfem_shell next = *shell;
     *separated = dgfem_shelli_edit_separate(edit);
-    if (*separated < 0) return dgfem_shelli_fail_memory(&shell->hooks);
+    if (*separated < 0) return DGFEM_ERROR_MEMORY;
     next.rest = next.position = next.velocity = NULL;
     next.node_area = next.node_mass = next.node_load = next.node_half = next.node_spring = NULL;
     next.elements = NULL;
@@ -4252,10 +4279,25 @@ DGFEM_API dgfem_status dgfem_shell_cut_edges(dgfem_shell *shell, const int *edge
     for (int i = 0; !status && i < count; i++) edit.joint[shell->edges[edges[i]].node[2]] = (char)joint;
     if (!status) status = dgfem_shelli_edit_commit(&edit, shell, &separated);
     dgfem_shelli_scratch_free(&edit.scratch);
-    return status;
+    return status == DGFEM_ERROR_MEMORY ? dgfem_shelli_fail_memory(&shell->hooks) : status;
 }
 
 /* ---- pieces ---- */
+
+/* class_of and number have room for all elements; number[root of class_of] becomes the piece. */
+static int dgfem_shelli_count_pieces(const dgfem_shell *shell, int *class_of, int *number) {
+    int count = 0;
+    for (int e = 0; e < shell->element_count; e++) class_of[e] = e, number[e] = DGFEM_NONE;
+    for (int i = 0; i < shell->edge_count; i++)
+        if (!dgfem_shelli_is_boundary(&shell->edges[i]))
+            class_of[dgfem_shelli_root(class_of, shell->edges[i].element[0])] =
+                dgfem_shelli_root(class_of, shell->edges[i].element[1]);
+    for (int e = 0; e < shell->element_count; e++) {
+        int root = dgfem_shelli_root(class_of, e);
+        if (number[root] == DGFEM_NONE) number[root] = count++;
+    }
+    return count;
+}
 
 DGFEM_API dgfem_status dgfem_shell_pieces(const dgfem_shell *shell, int *count, int *piece) {
     if (!shell || !count) return DGFEM_ERROR_ARGUMENT;
@@ -4266,17 +4308,8 @@ DGFEM_API dgfem_status dgfem_shell_pieces(const dgfem_shell *shell, int *count, 
         dgfem_shelli_scratch_free(&scratch);
         return dgfem_shelli_fail_memory(&shell->hooks);
     }
-    for (int e = 0; e < shell->element_count; e++) class_of[e] = e, number[e] = DGFEM_NONE;
-    for (int i = 0; i < shell->edge_count; i++)
-        if (!dgfem_shelli_is_boundary(&shell->edges[i]))
-            class_of[dgfem_shelli_root(class_of, shell->edges[i].element[0])] =
-                dgfem_shelli_root(class_of, shell->edges[i].element[1]);
-    *count = 0;
-    for (int e = 0; e < shell->element_count; e++) {
-        int root = dgfem_shelli_root(class_of, e);
-        if (number[root] == DGFEM_NONE) number[root] = (*count)++;
-        if (piece) piece[e] = number[root];
-    }
+    *count = dgfem_shelli_count_pieces(shell, class_of, number);
+    for (int e = 0; piece && e < shell->element_count; e++) piece[e] = number[dgfem_shelli_root(class_of, e)];
     dgfem_shelli_scratch_free(&scratch);
     return DGFEM_OK;
 }
@@ -4299,11 +4332,11 @@ enum { DGFEM_SHELLI_MAX_POLYGON = 8 };
 typedef struct dgfem_shelli_splitter {
     dgfem_shelli_edit *edit;
     const dgfem_shell_cut_desc *desc;
-    dgfem_real *distance;      /* [old nodes] of corners from the plane */
-    signed char *side;         /* [old nodes] of corners */
-    char *cut;                 /* [old elements] whether the cut runs through */
-    dgfem_real *crossing;      /* [old edges] where a split edge is split, 0 < t < 1 from its start; 0: not split */
-    int *half;                 /* [2 * old edges] new middle nodes of a split edge */
+    dgfem_real *distance; /* [old nodes] of corners from the plane */
+    signed char *side;    /* [old nodes] of corners */
+    char *cut;            /* [old elements] whether the cut runs through */
+    dgfem_real *crossing; /* [old edges] where a split edge is split, 0 < t < 1 from its start; 0: not split */
+    int *half;            /* [2 * old edges] new middle nodes of a split edge */
     int elements_split;
 } dgfem_shelli_splitter;
 
@@ -4422,9 +4455,9 @@ typedef struct dgfem_shelli_polygon {
     int count;
     int node[DGFEM_SHELLI_MAX_POLYGON];
     dgfem_shelli_parameter at[DGFEM_SHELLI_MAX_POLYGON];
-    int side[DGFEM_SHELLI_MAX_POLYGON];                              /* of the plane */
-    int middle[DGFEM_SHELLI_MAX_POLYGON][DGFEM_SHELLI_MAX_POLYGON];  /* of the line between two points, or DGFEM_NONE */
-    dgfem_vec3 x[DGFEM_SHELLI_MAX_POLYGON];                          /* at rest */
+    int side[DGFEM_SHELLI_MAX_POLYGON];                             /* of the plane */
+    int middle[DGFEM_SHELLI_MAX_POLYGON][DGFEM_SHELLI_MAX_POLYGON]; /* of the line between two points, or DGFEM_NONE */
+    dgfem_vec3 x[DGFEM_SHELLI_MAX_POLYGON];                         /* at rest */
 } dgfem_shelli_polygon;
 
 static void dgfem_shelli_polygon_push(dgfem_shelli_polygon *polygon, const dgfem_shelli_edit *edit, int node,
@@ -4448,7 +4481,8 @@ static void dgfem_shelli_polygon_make(const dgfem_shelli_splitter *s, const dgfe
         forward = forward && edit->old->edges[index].side[0] == k;
         middle[polygon->count] = element->node[corners + k];
         if (t > 0) middle[polygon->count] = s->half[2 * index + !forward];
-        dgfem_shelli_polygon_push(polygon, edit, element->node[k], dgfem_shelli_corner(n, k), s->side[element->node[k]]);
+        dgfem_shelli_polygon_push(polygon, edit, element->node[k], dgfem_shelli_corner(n, k),
+                                  s->side[element->node[k]]);
         if (!(t > 0)) continue;
         middle[polygon->count] = s->half[2 * index + forward];
         dgfem_shelli_polygon_push(polygon, edit, element->node[corners + k],
@@ -4478,7 +4512,8 @@ static dgfem_real dgfem_shelli_badness(const dgfem_shelli_polygon *polygon, int 
     dgfem_vec3 a = dgfem_shelli_sub(polygon->x[j], polygon->x[i]), b = dgfem_shelli_sub(polygon->x[k], polygon->x[j]);
     dgfem_vec3 c = dgfem_shelli_sub(polygon->x[i], polygon->x[k]);
     dgfem_real flat = (q.a - p.a) * (r.b - p.b) - (q.b - p.b) * (r.a - p.a);
-    dgfem_real longest = dgfem_shelli_max(dgfem_shelli_dot(a, a), dgfem_shelli_max(dgfem_shelli_dot(b, b), dgfem_shelli_dot(c, c)));
+    dgfem_real longest =
+        dgfem_shelli_max(dgfem_shelli_dot(a, a), dgfem_shelli_max(dgfem_shelli_dot(b, b), dgfem_shelli_dot(c, c)));
     dgfem_real area = dgfem_shelli_norm(dgfem_shelli_cross(a, b));
     if (!(flat > DGFEM_R(1e-5)) || !(area > DGFEM_R(1e-12) * longest)) return DGFEM_R(1e30);
     return longest / area;
@@ -4595,7 +4630,8 @@ static int dgfem_shelli_mark_elements(dgfem_shelli_splitter *s, const dgfem_shel
 static dgfem_status dgfem_shelli_cut_elements(dgfem_shelli_splitter *s, dgfem_shell *shell,
                                               dgfem_shelli_scratch *scratch, dgfem_shell_cut_info *info) {
     dgfem_shelli_edit *edit = s->edit;
-    size_t nodes = (size_t)shell->node_count, elements = (size_t)shell->element_count, edges = (size_t)shell->edge_count;
+    size_t nodes = (size_t)shell->node_count, elements = (size_t)shell->element_count,
+           edges = (size_t)shell->edge_count;
     char *touched = (char *)dgfem_shelli_take(scratch, elements, 1);
     s->distance = (dgfem_real *)dgfem_shelli_take(scratch, nodes, sizeof(dgfem_real));
     s->side = (signed char *)dgfem_shelli_take(scratch, nodes, 1);
@@ -4603,7 +4639,7 @@ static dgfem_status dgfem_shelli_cut_elements(dgfem_shelli_splitter *s, dgfem_sh
     s->crossing = (dgfem_real *)dgfem_shelli_take(scratch, edges, sizeof(dgfem_real));
     s->half = (int *)dgfem_shelli_take(scratch, 2 * edges, sizeof(int));
     if (!touched || !s->distance || !s->side || !s->cut || !s->crossing || !s->half)
-        return dgfem_shelli_fail_memory(&shell->hooks);
+        return DGFEM_ERROR_MEMORY;
     edit->old = shell;
     dgfem_shelli_classify(s);
     int count = dgfem_shelli_mark_elements(s, shell, touched);
@@ -4617,7 +4653,11 @@ static dgfem_status dgfem_shelli_cut_elements(dgfem_shelli_splitter *s, dgfem_sh
     for (int e = 0; e < shell->element_count; e++)
         if (touched[e]) dgfem_shelli_divide(s, e);
     dgfem_shelli_cut_along(s);
+    int *class_of = (int *)dgfem_shelli_take(scratch, (size_t)edit->element_count, sizeof(int));
+    int *number = (int *)dgfem_shelli_take(scratch, (size_t)edit->element_count, sizeof(int));
+    if (!class_of || !number) return DGFEM_ERROR_MEMORY;
     status = dgfem_shelli_edit_commit(edit, shell, &info->edges_cut);
+    if (!status) info->pieces = dgfem_shelli_count_pieces(shell, class_of, number);
     info->elements_split = s->elements_split;
     return status;
 }
@@ -4656,12 +4696,9 @@ DGFEM_API dgfem_status dgfem_shell_cut_plane(dgfem_shell *shell, const dgfem_she
     status = dgfem_shelli_cut_elements(&splitter, shell, &scratch, &local);
     dgfem_shelli_scratch_free(&edit.scratch);
     dgfem_shelli_scratch_free(&scratch);
-    if (status) return status;
+    if (status) return status == DGFEM_ERROR_MEMORY ? dgfem_shelli_fail_memory(&shell->hooks) : status;
     local.nodes_added += shell->node_count;
-    if (info) {
-        *info = local;
-        return dgfem_shell_pieces(shell, &info->pieces, NULL);
-    }
+    if (info) *info = local;
     return DGFEM_OK;
 }
 
@@ -4670,8 +4707,8 @@ DGFEM_API dgfem_status dgfem_shell_cut_plane(dgfem_shell *shell, const dgfem_she
 /* Render surface: the curved elements evaluated on a lattice of parameters, with their exact normals, as one or two
    sheets of triangles, closed by rims along the boundary.
 
-   Points on sides are shared by the elements that meet there, corners by all around them. The lattice of a quadrilateral
-   has (m + 1)^2 points, row by row; row j of a triangle's has m + 1 - j. */
+   Points on sides are shared by the elements that meet there, corners by all around them. The lattice of a
+   quadrilateral has (m + 1)^2 points, row by row; row j of a triangle's has m + 1 - j. */
 
 DGFEM_API dgfem_shell_surface_desc dgfem_default_shell_surface_desc(void) {
     dgfem_shell_surface_desc desc;
@@ -4750,7 +4787,8 @@ static void dgfem_shelli_add_faces(dgfem_shell_surface *surface, const dgfem_she
         int n = shell->elements[e].node_count;
         const int *point = surface->point_of + surface->point_start[e];
         for (int j = 0; j < m; j++) {
-            const int *row = point + dgfem_shelli_row_start(n, m, j), *next = point + dgfem_shelli_row_start(n, m, j + 1);
+            const int *row = point + dgfem_shelli_row_start(n, m, j),
+                      *next = point + dgfem_shelli_row_start(n, m, j + 1);
             int length = dgfem_shelli_row_length(n, m, j);
             for (int i = 0; i + 1 < length; i++) {
                 if (n == 8) {

@@ -8,6 +8,8 @@
 #include <sys/stat.h>
 
 #include "formats.h"
+#include "model.h"
+#include "picture.h"
 #include "program.h"
 
 typedef struct options {
@@ -51,74 +53,6 @@ static options read_options(int argc, char **argv) {
     o.write_frames = !program_flag(&p, "--no-frames");
     program_end(&p);
     return o;
-}
-
-/* ---- the model ---- */
-
-/* Where no model is given: a sphere of latitudes and longitudes with five bumps around its waist and two horns. */
-static int make_builtin_surface(formats_surface *surface) {
-    enum { RINGS = 30, SECTORS = 60 };
-    const double pi = 3.14159265358979323846;
-    int n = 0;
-    surface->vertex_count = (RINGS - 1) * SECTORS + 2;
-    surface->triangle_count = 2 * (RINGS - 1) * SECTORS;
-    surface->vertices = (double *)malloc((size_t)surface->vertex_count * 3 * sizeof(double));
-    surface->triangles = (int *)malloc((size_t)surface->triangle_count * 3 * sizeof(int));
-    if (!surface->vertices || !surface->triangles) return 0;
-    for (int v = 0; v < surface->vertex_count; v++) {
-        int is_pole = v >= (RINGS - 1) * SECTORS;
-        double polar = is_pole ? (v == surface->vertex_count - 1 ? pi : 0) : pi * (v / SECTORS + 1) / RINGS;
-        double around = is_pole ? 0 : 2 * pi * (v % SECTORS) / SECTORS;
-        double horn = exp(-40 * ((polar - 0.7) * (polar - 0.7) + cos(around) * cos(around)));
-        double r = 1 + 0.2 * pow(sin(polar), 5) * cos(5 * around) + 0.8 * horn;
-        surface->vertices[3 * v] = r * sin(polar) * cos(around);
-        surface->vertices[3 * v + 2] = r * sin(polar) * sin(around);
-        surface->vertices[3 * v + 1] = r * cos(polar);
-    }
-    for (int ring = -1; ring < RINGS - 1; ring++)
-        for (int s = 0; s < SECTORS; s++) {
-            int north = (RINGS - 1) * SECTORS, south = north + 1, next = (s + 1) % SECTORS;
-            int a = ring < 0 ? north : ring * SECTORS + s, b = ring < 0 ? north : ring * SECTORS + next;
-            int c = ring == RINGS - 2 ? south : (ring + 1) * SECTORS + s;
-            int d = ring == RINGS - 2 ? south : (ring + 1) * SECTORS + next;
-            int corners[2][3] = {{a, b, d}, {a, d, c}};
-            for (int t = 0; t < 2; t++)
-                if (corners[t][0] != corners[t][1] && corners[t][1] != corners[t][2] && corners[t][0] != corners[t][2]) {
-                    memcpy(surface->triangles + 3 * n, corners[t], sizeof corners[t]);
-                    n++;
-                }
-        }
-    surface->triangle_count = n;
-    return 1;
-}
-
-/* From y up to z up, one metre tall, standing on the origin. */
-static void normalize(formats_surface *surface) {
-    double lower[3] = {1e300, 1e300, 1e300}, upper[3] = {-1e300, -1e300, -1e300};
-    for (int v = 0; v < surface->vertex_count; v++) {
-        double *x = surface->vertices + 3 * v, y = x[1];
-        x[1] = -x[2], x[2] = y;
-        for (int k = 0; k < 3; k++) lower[k] = fmin(lower[k], x[k]), upper[k] = fmax(upper[k], x[k]);
-    }
-    double scale = 1 / (upper[2] - lower[2]);
-    for (int v = 0; v < surface->vertex_count; v++) {
-        double *x = surface->vertices + 3 * v;
-        x[0] = (x[0] - (lower[0] + upper[0]) / 2) * scale;
-        x[1] = (x[1] - (lower[1] + upper[1]) / 2) * scale;
-        x[2] = (x[2] - lower[2]) * scale;
-    }
-}
-
-static int read_model(const options *o, formats_surface *surface) {
-    formats_error error;
-    memset(surface, 0, sizeof *surface);
-    if (!o->model) {
-        printf("no model given: a built-in shape it is\n");
-        return make_builtin_surface(surface);
-    }
-    if (formats_read_surface(o->model, surface, &error)) return 1;
-    fprintf(stderr, "%s\n", error.text);
-    return 0;
 }
 
 /* ---- the scene ---- */
@@ -191,9 +125,8 @@ static int place(const options *o, scene *s) {
 
 static int make_scene(const options *o, scene *s) {
     memset(s, 0, sizeof *s);
-    if (!read_model(o, &s->surface)) return 0;
-    normalize(&s->surface);
-    return make_body(o, s) && make_skin(s) && make_contact_points(s) && place(o, s);
+    return model_read(o->model, &s->surface) && make_body(o, s) && make_skin(s) && make_contact_points(s) &&
+           place(o, s);
 }
 
 static void destroy_scene(scene *s) {
@@ -241,76 +174,25 @@ static int write_frame(const options *o, const scene *s, int frame, double *stre
 /* The picture: slope, floor and the skin at several moments, all in one coloured surface. */
 enum { MOMENTS = 5 };
 
-typedef struct picture {
-    dgfem_vec3 *positions, *normals;
-    unsigned char *colors;
-    int *triangles;
-    int vertex_count, triangle_count;
-} picture;
-
-static int make_picture(picture *p, const scene *s) {
-    size_t vertices = (size_t)(MOMENTS * s->skin->vertex_count + 8), triangles = (size_t)(MOMENTS * s->skin->triangle_count + 4);
-    memset(p, 0, sizeof *p);
-    p->positions = (dgfem_vec3 *)malloc(vertices * sizeof *p->positions);
-    p->normals = (dgfem_vec3 *)malloc(vertices * sizeof *p->normals);
-    p->colors = (unsigned char *)malloc(3 * vertices);
-    p->triangles = (int *)malloc(3 * triangles * sizeof *p->triangles);
-    return p->positions && p->normals && p->colors && p->triangles;
-}
-
-static void destroy_picture(picture *p) {
-    free(p->positions);
-    free(p->normals);
-    free(p->colors);
-    free(p->triangles);
-}
-
-static void add_vertex(picture *p, dgfem_vec3 position, dgfem_vec3 normal, int red, int green, int blue) {
-    unsigned char *color = p->colors + 3 * p->vertex_count;
-    color[0] = (unsigned char)red, color[1] = (unsigned char)green, color[2] = (unsigned char)blue;
-    p->positions[p->vertex_count] = position;
-    p->normals[p->vertex_count++] = normal;
-}
-
 static void add_ground(picture *p, double x0, double z0, double x1, double z1) {
-    double length = hypot(x1 - x0, z1 - z0);
-    dgfem_vec3 normal = {0, 0, 0};
-    normal.x = (dgfem_real)((z0 - z1) / length), normal.z = (dgfem_real)((x1 - x0) / length);
-    int first = p->vertex_count;
-    const int corners[6] = {0, 1, 2, 0, 2, 3};
-    for (int k = 0; k < 4; k++) {
-        int far = k == 1 || k == 2;
-        dgfem_vec3 x = {0, 0, 0};
-        x.x = (dgfem_real)(far ? x1 : x0), x.y = k < 2 ? DGFEM_R(-1.2) : DGFEM_R(1.2), x.z = (dgfem_real)(far ? z1 : z0);
-        add_vertex(p, x, normal, 200, 205, 210);
-    }
-    for (int k = 0; k < 6; k++) p->triangles[3 * p->triangle_count + k] = first + corners[k];
-    p->triangle_count += 2;
+    dgfem_vec3 a = {0, 0, 0}, along = {0, 0, 0}, across = {0, 0, 0};
+    a.x = (dgfem_real)x0, a.y = DGFEM_R(-1.2), a.z = (dgfem_real)z0;
+    along.x = (dgfem_real)(x1 - x0), along.z = (dgfem_real)(z1 - z0), across.y = DGFEM_R(2.4);
+    picture_add_parallelogram(p, a, along, across, picture_rgb(200, 205, 210));
 }
 
 static void add_moment(picture *p, const scene *s, double age) {
-    int first = p->vertex_count;
-    for (int v = 0; v < s->skin->vertex_count; v++)
-        add_vertex(p, s->skin->positions[v], s->skin->normals[v], (int)(70 + 170 * age), (int)(140 - 30 * age),
-                   (int)(230 - 170 * age));
-    for (int k = 0; k < 3 * s->skin->triangle_count; k++)
-        p->triangles[3 * p->triangle_count + k] = first + s->skin->triangles[k];
-    p->triangle_count += s->skin->triangle_count;
+    picture_color color = picture_rgb((int)(70 + 170 * age), (int)(140 - 30 * age), (int)(230 - 170 * age));
+    picture_add_skin(p, s->skin, color, color);
 }
 
 static int write_picture(const options *o, picture *p) {
     const double angle = o->slope * 3.14159265358979323846 / 180;
     char path[1024];
-    formats_error error;
     add_ground(p, -3.4, 3.4 * tan(angle), 0, 0);
     add_ground(p, 0, 0, 3.5, 0);
     snprintf(path, sizeof path, "%s/scene.ply", o->out);
-    if (formats_write_ply(path, dgfem_points_in_vec3(p->positions, p->vertex_count),
-                          dgfem_points_in_vec3(p->normals, p->vertex_count), p->colors, p->triangles,
-                          p->triangle_count, &error))
-        return 1;
-    fprintf(stderr, "%s\n", error.text);
-    return 0;
+    return picture_write(p, path);
 }
 
 /* ---- the run ---- */
@@ -352,7 +234,8 @@ static int run(const options *o, scene *s, statistics *st) {
     memset(st, 0, sizeof *st);
     memset(&progress, 0, sizeof progress);
     st->volume_start = (double)dgfem_mesh_volume(s->body->mesh);
-    ok = make_picture(&p, s) && stress && dgfem_skin_update(s->skin, s->body) == DGFEM_OK;
+    memset(&p, 0, sizeof p);
+    ok = stress && dgfem_skin_update(s->skin, s->body) == DGFEM_OK;
     for (int i = 0; ok && i <= steps; i++) {
         if (i > 0) ok = step(o, s, (steps - i) * o->dt < 1, st);
         if (ok && o->write_frames && i % o->frame_every == 0) ok = write_frame(o, s, st->frames++, stress);
@@ -363,7 +246,7 @@ static int run(const options *o, scene *s, statistics *st) {
     program_end_progress(&progress);
     if (ok && o->write_frames) ok = write_picture(o, &p);
     free(stress);
-    destroy_picture(&p);
+    picture_free(&p);
     return ok;
 }
 
@@ -379,8 +262,8 @@ static void print_summary(const options *o, const scene *s, const statistics *st
            per_step * st->contact, per_step * st->factor, per_step * st->solve, per_step * st->skin);
     printf("volume             drifts by %.3f %% at most, %.3f %% at the end\n", 100 * st->volume_drift,
            100 * ((double)dgfem_body_volume(s->body) / st->volume_start - 1));
-    printf("kinetic energy     peak %.4g J, at the end %.3g J (%.2g of the peak)\n", st->kinetic_peak,
-           st->kinetic_last, st->kinetic_last / st->kinetic_peak);
+    printf("kinetic energy     peak %.4g J, at the end %.3g J (%.2g of the peak)\n", st->kinetic_peak, st->kinetic_last,
+           st->kinetic_last / st->kinetic_peak);
     printf("last second        no element moves faster than %.2g m/s; %d points touch\n", st->last_second_speed,
            st->contacts);
 }

@@ -15,7 +15,7 @@
 
 typedef struct options {
     const char *model, *out;
-    int cells, cuts, seed, frame_every, write_frames, check;
+    int cells, cuts, seed, frame_every, write_frames, use_skin, check;
     double seconds, dt, young, first, smallest, stroke;
 } options;
 
@@ -45,7 +45,7 @@ static options read_options(int argc, char **argv) {
     program p = program_begin(argc, argv,
                               "knife [--model FILE] [--out build/knife] [--cells 11] [--cuts 5] [--seconds 2.5]\n"
                               "  [--dt 0.0166667] [--first 0.25] [--stroke 0.2] [--smallest 0.01] [--seed 1]\n"
-                              "  [--young 1e5] [--frame-every 3] [--no-frames] [--check]");
+                              "  [--young 1e5] [--frame-every 3] [--no-frames] [--surface] [--check]");
     options o;
     o.model = program_text(&p, "--model", NULL);
     o.out = program_text(&p, "--out", "build/knife");
@@ -60,6 +60,7 @@ static options read_options(int argc, char **argv) {
     o.young = program_real(&p, "--young", 1e5);
     o.frame_every = program_int(&p, "--frame-every", 3, 1, 1000000);
     o.write_frames = !program_flag(&p, "--no-frames");
+    o.use_skin = !program_flag(&p, "--surface"); /* the boundary of the elements is shown instead */
     o.check = program_flag(&p, "--check");
     program_end(&p);
     return o;
@@ -107,6 +108,8 @@ static dgfem_status make_skin(scene *s) {
     return dgfem_skin_create(s->body, &desc, &s->skin);
 }
 
+static dgfem_status update_skin(scene *s) { return s->skin ? dgfem_skin_update(s->skin, s->body) : DGFEM_OK; }
+
 /* The bunny begins a little above the floor z = 0. */
 static int make_scene(const options *o, scene *s) {
     dgfem_shape_desc floor = dgfem_default_shape_desc();
@@ -115,9 +118,9 @@ static int make_scene(const options *o, scene *s) {
     s->random = (unsigned long long)o->seed;
     floor.plane.normal.z = 1;
     floor.friction = DGFEM_R(0.6);
-    return model_read(o->model, &s->surface) && !make_body(o, s) && !make_skin(s) &&
+    return model_read(o->model, &s->surface) && !make_body(o, s) && (!o->use_skin || !make_skin(s)) &&
            !dgfem_body_add_plane(s->body, &floor, NULL) && !dgfem_body_set_affine(s->body, none, vector(0, 0, 0.3)) &&
-           !dgfem_skin_update(s->skin, s->body);
+           !update_skin(s);
 }
 
 static void destroy_scene(scene *s) {
@@ -156,7 +159,8 @@ static void begin_stroke(const options *o, scene *s, int stroke) {
     s->knife.is_down = 1;
 }
 
-/* Cuts the quad that the edge sweeps between two parts, 0..1, of its way.
+/* Cuts the quad from where the edge was, `before`, to where it is, `now` (0..1 of its way). The material beside the edge
+   has moved since: with it goes the old edge, as far as the body's mean velocity tells; a little is cut twice.
 
         0 ------------ 1    edge before
         |           /  |
@@ -164,15 +168,19 @@ static void begin_stroke(const options *o, scene *s, int stroke) {
         2 ------------ 3    edge now            */
 static dgfem_status cut(const options *o, scene *s, double before, double now, dgfem_cut_info *info) {
     static const int triangles[] = {0, 2, 1, 1, 2, 3};
-    dgfem_vec3 corners[4];
+    dgfem_vec3 corners[4], momentum;
     dgfem_cut_desc desc = dgfem_default_cut_desc();
+    dgfem_status status = dgfem_body_momentum(s->body, &momentum, NULL);
+    if (status) return status;
+    before -= 0.2 * (now - before);
     for (int k = 0; k < 4; k++) {
         corners[k] = add_scaled(s->knife.middle, k < 2 ? before : now, s->knife.travel);
         corners[k] = add_scaled(corners[k], k % 2 ? 1 : -1, s->knife.along);
+        if (k < 2) corners[k] = add_scaled(corners[k], o->dt / (double)dgfem_body_mass(s->body), momentum);
     }
     desc.smallest = (dgfem_real)o->smallest;
     desc.skins = &s->skin;
-    desc.skin_count = 1;
+    desc.skin_count = o->use_skin;
     return dgfem_body_cut_surface(s->body, dgfem_points_in_vec3(corners, 4), triangles, 2, &desc, info);
 }
 
@@ -196,13 +204,26 @@ static dgfem_vec3 deformed(void *user, int element, int vertex) {
     return add_scaled(x, 1, dgfem_body_displacement(body, element, x));
 }
 
+/* What is to be seen: the skin, or else the boundary of the elements. */
+static dgfem_status make_boundary(const scene *s, dgfem_surface **out) {
+    *out = NULL;
+    dgfem_status status = s->skin ? DGFEM_OK : dgfem_surface_create(s->body, out);
+    return *out ? dgfem_surface_update(*out, s->body) : status;
+}
+
 static int write_frame(const options *o, const scene *s, int frame) {
     char path[1024];
     formats_error error;
+    dgfem_surface *b;
+    const dgfem_skin *skin = s->skin;
+    if (make_boundary(s, &b)) return 0;
+    int vertices = skin ? skin->vertex_count : b->vertex_count;
     snprintf(path, sizeof path, "%s/skin_%04d.obj", o->out, frame);
-    int ok = formats_write_obj(path, dgfem_points_in_vec3(s->skin->positions, s->skin->vertex_count),
-                               dgfem_points_in_vec3(s->skin->normals, s->skin->vertex_count), s->skin->triangles,
-                               s->skin->triangle_count, &error);
+    int ok = formats_write_obj(path, dgfem_points_in_vec3(skin ? skin->positions : b->positions, vertices),
+                               dgfem_points_in_vec3(skin ? skin->normals : b->normals, vertices),
+                               skin ? skin->triangles : b->triangles, skin ? skin->triangle_count : b->triangle_count,
+                               &error);
+    dgfem_surface_destroy(b);
     snprintf(path, sizeof path, "%s/elements_%04d.vtu", o->out, frame);
     if (ok) ok = formats_write_vtu(path, s->body->mesh, deformed, s->body, NULL, 0, &error);
     if (!ok) fprintf(stderr, "%s\n", error.text);
@@ -210,12 +231,17 @@ static int write_frame(const options *o, const scene *s, int frame) {
 }
 
 static int write_picture(const options *o, const scene *s, const char *name) {
+    const picture_color outside = picture_rgb(90, 150, 225), inside = picture_rgb(235, 120, 90);
     char path[1024];
     picture p;
+    dgfem_surface *boundary;
     memset(&p, 0, sizeof p);
+    if (make_boundary(s, &boundary)) return 0;
     picture_add_parallelogram(&p, vector(-1.6, -1.6, 0), vector(3.2, 0, 0), vector(0, 3.2, 0),
                               picture_rgb(200, 205, 210));
-    picture_add_skin(&p, s->skin, picture_rgb(90, 150, 225), picture_rgb(235, 120, 90));
+    if (boundary) picture_add_surface(&p, boundary, outside, inside);
+    else picture_add_skin(&p, s->skin, outside, inside);
+    dgfem_surface_destroy(boundary);
     snprintf(path, sizeof path, "%s/%s.ply", o->out, name);
     return picture_write(&p, path);
 }
@@ -223,7 +249,7 @@ static int write_picture(const options *o, const scene *s, const char *name) {
 /* Every number finite, the mesh whole, no volume lost. */
 static int is_sound(const scene *s, double volume) {
     const char *wrong = NULL;
-    for (int v = 0; v < s->skin->vertex_count; v++) {
+    for (int v = 0; s->skin && v < s->skin->vertex_count; v++) {
         dgfem_vec3 x = s->skin->positions[v], n = s->skin->normals[v];
         if (!isfinite((double)(x.x + x.y + x.z + n.x + n.y + n.z))) wrong = "a number of the skin is not finite";
         if (!(fabs((double)x.x) + fabs((double)x.y) + fabs((double)x.z) < 100))
@@ -243,7 +269,7 @@ static int step(const options *o, scene *s, int i, statistics *st) {
     double start = program_seconds();
     dgfem_status status = move_knife(o, s, i * o->dt, &info, st);
     if (!status) status = dgfem_body_step(s->body, (dgfem_real)o->dt, NULL);
-    if (!status) status = dgfem_skin_update(s->skin, s->body);
+    if (!status) status = update_skin(s);
     double milliseconds = 1e3 * (program_seconds() - start);
     if (status) return fprintf(stderr, "knife: at %.4f s: %s\n", s->body->time, dgfem_status_text(status)), 0;
     st->faces_cut += info.faces_cut, st->split += info.elements_split;
@@ -287,8 +313,9 @@ static int print_summary(const scene *s, const statistics *st) {
     if (dgfem_body_pieces(s->body, NULL, NULL, 0, &pieces)) return 0;
     printf("strokes            %d; %d faces cut, %d elements split\n", st->strokes, st->faces_cut, st->split);
     printf("elements           %d in %d pieces\n", s->body->mesh->element_count, pieces);
-    printf("skin               %d vertices, %d at first; %d triangles, %d at first\n", s->skin->vertex_count,
-           s->surface.vertex_count, s->skin->triangle_count, s->surface.triangle_count);
+    if (s->skin)
+        printf("skin               %d vertices, %d at first; %d triangles, %d at first\n", s->skin->vertex_count,
+               s->surface.vertex_count, s->skin->triangle_count, s->surface.triangle_count);
     printf("volume             changed by %.2g\n", (double)dgfem_mesh_volume(s->body->mesh) / st->volume - 1);
     print_times("ordinary steps    ", st->ordinary, st->ordinary_count);
     print_times("steps that cut    ", st->cutting, st->cutting_count);

@@ -130,7 +130,7 @@ static dgfem_status step(const pencil *o, dgfem_body *body, double angle) {
 static dgfem_status sharpen(const pencil *o, dgfem_body *body) {
     dgfem_cut_desc desc = dgfem_default_cut_desc();
     dgfem_status status = DGFEM_OK;
-    desc.snap = DGFEM_R(1e-4); /* of the pencil's length: shavings may be thin */
+    desc.snap = DGFEM_R(1e-4), desc.sliver = 0; /* shavings may be thin beside the pencil */
     int per_round = (o->cuts + o->rounds - 1) / o->rounds;
     for (int cut = 0; !status && cut < o->cuts; cut++) {
         double before = turn * cut / per_round;

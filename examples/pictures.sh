@@ -1,6 +1,7 @@
 #!/bin/sh
 # pictures.sh demo    renders what `make demo` left in build/demo/; without f3d and xvfb it says so and is content
 # pictures.sh shells  runs the examples of shells and renders their pictures
+# pictures.sh cuts    runs the examples of cuts and renders their pictures
 # pictures.sh all     runs the examples and renders examples/pictures/*.png
 # Run it from the top of the repository, after `make examples`.
 set -u
@@ -44,6 +45,25 @@ bar() {
         --camera-azimuth-angle="$5" --camera-elevation-angle=15 --camera-view-angle="$6"
 }
 
+# painted FILE PICTURE SIZE EYE FOCUS ANGLE: a coloured surface.
+painted() {
+    shot "$1" "$2" --resolution="$3" --scalars=RGB --comp=-2 --roughness=0.5 --camera-position="$4" \
+        --camera-focal-point="$5" --camera-view-angle="$6"
+}
+
+cuts() {
+    dir=build/pictures/cuts
+    mkdir -p $dir/knife
+    build/examples/pencil --ply $dir/pencil.ply > $dir/pencil.txt || return 1
+    build/examples/bunny_out_of_cube --model build/bunny.obj --ply $dir/cube.ply > $dir/cube.txt || return 1
+    build/examples/knife --model build/bunny.obj --surface --out $dir/knife > $dir/knife.txt || return 1
+    painted $dir/pencil.ply examples/pictures/pencil.png 760,360 0.235,-0.13,0.055 0.158,0,-0.012 24 || return 1
+    painted $dir/cube.ply examples/pictures/bunny_out_of_cube.png 640,560 2,-4.5,2.2 0,0,0.53 27 || return 1
+    for moment in middle end; do
+        painted $dir/knife/$moment.ply examples/pictures/knife_$moment.png 640,480 2.2,-3.6,2.2 0,0,0.3 22 || return 1
+    done
+}
+
 # shell FILE PICTURE AZIMUTH ELEVATION: one shell, from the side.
 shell() {
     shot "$1" "$2" --resolution=640,640 --roughness=0.5 --camera-azimuth-angle="$3" --camera-elevation-angle="$4"
@@ -67,6 +87,7 @@ all() {
     scene build/pictures/bunny examples/pictures/bunny.png || return 1
     elements build/pictures/bunny examples/pictures/elements.png || return 1
     shells || return 1
+    cuts || return 1
     build/examples/adaptive_bar --vtu build/pictures/eight.vtu > build/pictures/eight.txt || return 1
     bar build/pictures/eight.vtu stress examples/pictures/adaptive_bar_eight.png 0,12000 -25 17 || return 1
     build/examples/adaptive_bar --how two --vtu build/pictures/two.vtu > build/pictures/two.txt || return 1
@@ -82,7 +103,7 @@ case ${1:-} in
         elements build/demo build/demo/elements.png
         exit 0
         ;;
-    all | shells)
+    all | shells | cuts)
         can_draw && $1 && exit 0
         echo "pictures: not all could be rendered"
         exit 1

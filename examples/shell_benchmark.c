@@ -14,8 +14,8 @@ typedef struct benchmark {
     dgfem_shell_desc desc;
     shell_grid grid;
     int n, triangles, probe, axis, load_steps;
-    double sign, reference;         /* of the displacement of node `probe` along the axis */
-    int second_axis;                /* a second component, or -1 */
+    double sign, reference; /* of the displacement of node `probe` along the axis */
+    int second_axis;        /* a second component, or -1 */
     double second_sign, second_reference;
 } benchmark;
 
@@ -262,8 +262,9 @@ static void report(const benchmark *b, double seconds, const dgfem_shell_info *i
 }
 
 int main(int argc, char **argv) {
-    static int (*const tests[])(benchmark *) = {scordelis,  cylinder,   hemisphere, hemisphere_full, plate_ss_q, plate_ss_p,
-                                                plate_cl_q, plate_cl_p, strip,      endshear,        rollup};
+    static int (*const tests[])(benchmark *) = {scordelis,  cylinder,   hemisphere, hemisphere_full,
+                                                plate_ss_q, plate_ss_p, plate_cl_q, plate_cl_p,
+                                                strip,      endshear,   rollup};
     program p = program_begin(argc, argv,
                               "shell_benchmark --test scordelis|cylinder|hemisphere|hemisphere_full|plate_ss_q|"
                               "plate_ss_p|plate_cl_q|plate_cl_p|strip|endshear|rollup [--element q8|t6] [--n N] "
@@ -281,7 +282,8 @@ int main(int argc, char **argv) {
     b.second_axis = -1;
     test = program_choice(&p, "--test",
                           "scordelis|cylinder|hemisphere|hemisphere_full|plate_ss_q|plate_ss_p|plate_cl_q|plate_cl_p|"
-                          "strip|endshear|rollup", 0);
+                          "strip|endshear|rollup",
+                          0);
     b.triangles = program_choice(&p, "--element", "q8|t6", 0);
     b.n = program_int(&p, "--n", 16, 1, 512);
     eta = program_real(&p, "--eta", b.triangles ? (double)b.desc.eta_triangle : (double)b.desc.eta_quad);

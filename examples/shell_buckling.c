@@ -1,7 +1,7 @@
-/* A cylinder under axial compression, as in the report: 31 x 31 quadrilaterals, 2945 nodes, 8835 unknowns. First the load
-   at which the uniform state loses its stability, beside the classical one; then its ends are driven together in time,
-   and it folds into dimples. Prints one number a line; --out FOLDER writes the surface as OBJ files, --csv the load over
-   the shortening. */
+/* A cylinder under axial compression, as in the report: 31 x 31 quadrilaterals, 2945 nodes, 8835 unknowns. First the
+   load at which the uniform state loses its stability, beside the classical one; then its ends are driven together in
+   time, and it folds into dimples. Prints one number a line; --out FOLDER writes the surface as OBJ files, --csv the
+   load over the shortening. */
 #define DGFEM_IMPLEMENTATION
 #include "dgfem_shell.h"
 #include "formats.h"
@@ -64,7 +64,8 @@ static int create(buckling *b, double eta) {
     if (failed(status)) return 0;
     b->bottom_count = find_end(b->shell, 0, &b->bottom);
     b->top_count = find_end(b->shell, height, &b->top);
-    return !failed(dgfem_shell_fix_nodes(b->shell, b->bottom, b->bottom_count, DGFEM_SHELL_XYZ, point(0, 0, 0), &b->lower)) &&
+    return !failed(dgfem_shell_fix_nodes(b->shell, b->bottom, b->bottom_count, DGFEM_SHELL_XYZ, point(0, 0, 0),
+                                         &b->lower)) &&
            !failed(dgfem_shell_fix_nodes(b->shell, b->top, b->top_count, DGFEM_SHELL_XYZ, point(0, 0, 0), &b->upper));
 }
 
@@ -105,7 +106,8 @@ static double load(const buckling *b, dgfem_vec3 *force) {
     return sum;
 }
 
-/* Dimples: local minima of the distance from the axis, among points on a lattice, that lie inward by half a thickness. */
+/* Dimples: local minima of the distance from the axis, among points on a lattice, that lie inward by half a thickness.
+   */
 static int count_dimples(const buckling *b) {
     enum { U = 124, V = 62 };
     static double depth[U][V + 1];
@@ -201,7 +203,8 @@ int main(int argc, char **argv) {
         now = load(&b, force);
         if (now > peak) peak = now;
         iterations += info.iterations, shifts += info.shifts;
-        if (table) fflush(table), fprintf(table, "%g,%g,%d,%g\n", s, now / classical, info.iterations, (double)info.residual);
+        if (table)
+            fflush(table), fprintf(table, "%g,%g,%d,%g\n", s, now / classical, info.iterations, (double)info.residual);
         if (folder && (step == steps || step % 20 == 0) && !write_frame(&b, folder, step / 20)) return 1;
         program_show_progress(&progress, step, steps, NULL);
     }

@@ -119,22 +119,27 @@ static int crushed_can(const char *folder, int n, double seconds, double dt) {
     dgfem_shape_desc plate = dgfem_default_shape_desc();
     dgfem_shell_info info;
     int steps = (int)(seconds / dt + 0.5), iterations = 0, upper;
-    const double depth = 0.035, height = 0.115;
+    const double depth = 0.02, height = 0.115;
+    dgfem_plane end;
     desc.material.young = (dgfem_real)2e8;
     desc.material.density = 2700;
-    desc.thickness = (dgfem_real)0.0006;
-    desc.damping_mass = 20;
+    desc.thickness = (dgfem_real)0.0008;
+    desc.damping_mass = 100;
     desc.damping_stiffness = (dgfem_real)2e-5;
     desc.step_iterations = 6;
     desc.hooks = program_hooks();
     dgfem_shell *shell = make(can_map, n, n, 0, &desc);
     if (!shell) return 0;
-    plate.plane.normal = point(0, 0, 1), plate.plane.offset = (dgfem_real)-0.0003;
+    end.normal = point(0, 0, 1), end.offset = 0; /* the lids keep the ends round */
+    if (!fix_plane(shell, end, DGFEM_SHELL_X + DGFEM_SHELL_Y, NULL)) return 0;
+    end.offset = (dgfem_real)height;
+    if (!fix_plane(shell, end, DGFEM_SHELL_X + DGFEM_SHELL_Y, NULL)) return 0;
+    plate.plane.normal = point(0, 0, 1), plate.plane.offset = (dgfem_real)-0.0004;
     plate.friction = 1;
     if (failed(dgfem_shell_add_plane(shell, &plate, NULL))) return 0;
     plate.plane.normal = point(0, 0, -1);
     plate.velocity = point(0, 0, -depth / seconds);
-    plate.plane.offset = (dgfem_real)(-height - 0.0003);
+    plate.plane.offset = (dgfem_real)(-height - 0.0004);
     if (failed(dgfem_shell_add_plane(shell, &plate, &upper))) return 0;
     unsigned seed = 7;
     for (int i = 0; i < shell->node_count; i++) { /* not quite round */
@@ -144,7 +149,7 @@ static int crushed_can(const char *folder, int n, double seconds, double dt) {
     }
     double start = program_seconds();
     for (int step = 1; step <= steps; step++) {
-        plate.plane.offset = (dgfem_real)(depth * step / steps - height - 0.0003);
+        plate.plane.offset = (dgfem_real)(depth * step / steps - height - 0.0004);
         if (failed(dgfem_shell_move_shape(shell, upper, &plate))) return 0;
         if (failed(dgfem_shell_step(shell, (dgfem_real)dt, &info))) return 0;
         iterations += info.iterations;
@@ -162,7 +167,8 @@ static int crushed_can(const char *folder, int n, double seconds, double dt) {
 int main(int argc, char **argv) {
     program p = program_begin(argc, argv, "shell_sheet [--can] [--n N] [--seconds T] [--dt H] [--out FOLDER]");
     int can = program_flag(&p, "--can"), n = program_int(&p, "--n", can ? 20 : 12, 3, 200);
-    double seconds = program_real(&p, "--seconds", can ? 0.1 : 1.6), dt = program_real(&p, "--dt", can ? 0.001 : 0.01);
+    double seconds = program_real(&p, "--seconds", can ? 0.05 : 1.6),
+           dt = program_real(&p, "--dt", can ? 0.0005 : 0.01);
     const char *folder = program_text(&p, "--out", NULL);
     program_end(&p);
     if (!(dt > 0) || !(seconds >= 8 * dt)) return fprintf(stderr, "--seconds needs eight steps\n"), 1;

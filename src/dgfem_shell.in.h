@@ -102,8 +102,8 @@
 
    WHAT IT DOES NOT DO
 
-   - Materials other than isotropic linear ones. Strains are small, rotations as large as you like: each quadrature point
-     follows its own.
+   - Materials other than isotropic linear ones. Strains are small, rotations as large as you like: each quadrature
+     point follows its own.
    - Transverse shear. For shells thicker than about a tenth of their span use solids.
    - Contact of a shell with itself or another. It touches shapes at its nodes: a corner of a shape may pass between.
    - Shells of three and more sheets at one edge.
@@ -111,16 +111,18 @@
 
    NUMERIC LIMITS
 
-   - The penalty factor eta. Quadrilaterals: 2 (default) is accurate, 10 conservative, 1 close to unstable; triangles: 1.
-     Larger ones lock, triangles first. Below 0.6 the stiffness may be indefinite.
-   - Quadrilaterals of 8 nodes represent constant curvature where they are parallelograms; very distorted ones stall at an
-     error of some tenths of a per cent. Triangles of 6 nodes bend stiffly on coarse curved meshes.
+   - The penalty factor eta. Quadrilaterals: 2 (default) is accurate, 10 conservative, 1 overshoots on coarse meshes;
+     triangles: 1. Larger ones lock, triangles first. Below 0.6 the stiffness may be indefinite.
+   - Quadrilaterals of 8 nodes represent constant curvature where they are parallelograms; very distorted ones stall at
+     an error of some tenths of a per cent. Triangles of 6 nodes bend stiffly on coarse curved meshes.
    - Thin shells need double: membrane and bending stiffness differ by (length / thickness)^2. In float, forces at large
      rotations are good to about 1e-7 (length / thickness)^2 of the bending ones; 100 : 1 is beyond it.
    - dgfem_shell_solve_static converges for loads that turn the shell by some 60 degrees in one part; take load steps.
      Past limit points it cannot go under load: prescribe displacements or take time steps.
    - A step is as stable as implicit Euler for any dt, but it stops iterating after step_iterations: watch the residual.
-     In unstable states (a buckling shell) with dt too long to resolve them it converges slowly. Implicit Euler damps: a motion of angular frequency w loses about dt w^2 / 2 of its amplitude per time.
+     In unstable states (a buckling shell) with dt too long to resolve them it converges slowly; where it gets nowhere,
+     one semi-implicit step with frozen rotations is taken instead. Implicit Euler damps: a motion of angular frequency
+     w loses about dt w^2 / 2 of its amplitude per unit of time.
    - Cuts make small triangles. Those cost accuracy and condition, not stability; `snap` keeps the smallest away.
    - A linear shell (corotational 0) is solved by one factorization, however thin.
 

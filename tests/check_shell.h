@@ -60,7 +60,8 @@ static inline dgfem_shell *shell_make(const dgfem_shell_desc *desc, int nu, int 
                                                                         0 -- 1 -- 2 - 7      triangles about 6)  */
 static inline dgfem_shell *shell_make_mixed(const dgfem_shell_desc *desc, double height) {
     static const int quads[] = {0, 1, 4, 3, 1, 2, 5, 4}, triangles[] = {2, 7, 6, 7, 8, 6, 8, 5, 6, 5, 2, 6};
-    double points[27] = {0, 0, 0, 0.3, 0, 0, 0.6, 0, 0, 0, 1, 0, 0.25, 1, 0, 0.65, 1, 0, 0.8, 0.45, 0, 1, 0, 0, 1, 1, 0};
+    double points[27] = {0, 0,    0, 0.3, 0,   0,    0.6, 0, 0, 0, 1, 0, 0.25, 1,
+                         0, 0.65, 1, 0,   0.8, 0.45, 0,   1, 0, 0, 1, 1, 0};
     dgfem_shell_desc full = *desc;
     dgfem_shell *shell;
     for (int i = 0; i < 9; i++) points[3 * i + 2] = height * sin(3 * points[3 * i]) * (1 + points[3 * i + 1]);

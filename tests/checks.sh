@@ -391,7 +391,7 @@ runs_shell() { prints_keys "$shell_keys" build/examples/shell_benchmark "$@" && 
 
 runs_shells() {
     runs_shell --test plate_ss_q --n 6 && runs_shell --test scordelis --n 8 && runs_shell --test hemisphere --n 10 &&
-        runs_shell --test plate_cl_q --element t6 --n 8 && runs_shell --test endshear --n 8
+        runs_shell --test plate_cl_q --element t6 --n 12 && runs_shell --test endshear --n 8
 }
 
 runs_bunny() {

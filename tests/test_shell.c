@@ -342,7 +342,8 @@ static dgfem_vec3 bend(dgfem_vec3 x) { return at3(0, 0, 0.05 * (double)(x.x * x.
 
 /* w = k x^2 / 2 on a square: the boundary keeps its slopes, constant along each side. */
 static void constant_curvature(void **state) {
-    static const double points[] = {0, 0, 0, 0.4, 0, 0, 1, 0, 0, 0, 0.6, 0, 0.55, 0.35, 0, 1, 0.5, 0, 0, 1, 0, 0.5, 1, 0, 1, 1, 0};
+    static const double points[] = {0, 0, 0,   0.4, 0, 0, 1, 0,   0, 0, 0.6, 0, 0.55, 0.35,
+                                    0, 1, 0.5, 0,   0, 1, 0, 0.5, 1, 0, 1,   1, 0};
     static const int faces[] = {0, 1, 4, 0, 4, 3, 1, 2, 5, 1, 5, 4, 3, 4, 7, 3, 7, 6, 4, 5, 8, 4, 8, 7};
     (void)state;
     for (int quads = 0; quads < 2; quads++) {
@@ -360,8 +361,9 @@ static void constant_curvature(void **state) {
         for (int axis = 0; axis < 2; axis++)
             for (int end = 0; end < 2; end++) {
                 count = shell_edges(shell, plane_of(axis == 0, axis == 1, 0, end), edges);
-                check_status(dgfem_shell_fix_rotation(shell, edges, count, (dgfem_real)(axis == 0 && end ? -0.1 : 0),
-                                                      NULL), DGFEM_OK);
+                check_status(
+                    dgfem_shell_fix_rotation(shell, edges, count, (dgfem_real)(axis == 0 && end ? -0.1 : 0), NULL),
+                    DGFEM_OK);
             }
         solve_patch(shell, bend, 1e5 * CHECK_EPSILON);
         dgfem_shell_strain strain;
@@ -449,9 +451,11 @@ static void tangent_is_the_derivative_of_the_force(void **state) {
         double tolerance = (DGFEM_REAL_IS_FLOAT ? 2e-3 : 1e-6) * shell_largest(t, n);
         double twice = DGFEM_REAL_IS_FLOAT ? 2e-3 : 2e-6;
         for (int i = 0; i < n; i++)
-            check_near3(t[i], at3(((double)f[1][i].x - (double)f[0][i].x) / twice,
-                                  ((double)f[1][i].y - (double)f[0][i].y) / twice,
-                                  ((double)f[1][i].z - (double)f[0][i].z) / twice), tolerance);
+            check_near3(t[i],
+                        at3(((double)f[1][i].x - (double)f[0][i].x) / twice,
+                            ((double)f[1][i].y - (double)f[0][i].y) / twice,
+                            ((double)f[1][i].z - (double)f[0][i].z) / twice),
+                        tolerance);
         free(f[0]), free(f[1]), free(x), free(d), free(t);
         dgfem_shell_destroy(shell);
     }
@@ -513,7 +517,8 @@ static void strip_bends_as_a_beam(void **state) {
     for (int triangles = 0; triangles < 2; triangles++) {
         dgfem_shell *shell = make_strip(8, triangles, 0);
         dgfem_shell_static_desc how = dgfem_default_shell_static_desc();
-        int edges[256], count = shell_edges(shell, plane_of(1, 0, 0, 10), edges), tip = shell_grid_nearest(shell, 10, 0, 0);
+        int edges[256], count = shell_edges(shell, plane_of(1, 0, 0, 10), edges),
+                        tip = shell_grid_nearest(shell, 10, 0, 0);
         check_status(dgfem_shell_set_line_load(shell, edges, count, at3(0, 0, 0.3), NULL), DGFEM_OK);
         check_status(dgfem_shell_solve_static(shell, &how, NULL), DGFEM_OK);
         check_near(shell->position[tip].z, 1, DGFEM_REAL_IS_FLOAT ? 0.02 : 0.005);
@@ -529,7 +534,8 @@ static void strip_under_large_end_shear(void **state) {
         dgfem_shell *shell = make_strip(16, triangles, 1);
         dgfem_shell_static_desc how = dgfem_default_shell_static_desc();
         dgfem_shell_info info;
-        int edges[256], count = shell_edges(shell, plane_of(1, 0, 0, 10), edges), tip = shell_grid_nearest(shell, 10, 0, 0);
+        int edges[256], count = shell_edges(shell, plane_of(1, 0, 0, 10), edges),
+                        tip = shell_grid_nearest(shell, 10, 0, 0);
         check_status(dgfem_shell_set_line_load(shell, edges, count, at3(0, 0, 4), NULL), DGFEM_OK);
         how.load_steps = 4;
         check_status(dgfem_shell_solve_static(shell, &how, &info), DGFEM_OK);
@@ -557,6 +563,79 @@ static void strip_rolls_up(void **state) {
     check_status(dgfem_shell_solve_static(shell, &how, NULL), DGFEM_OK);
     check_near(shell->position[tip].x, 0, 0.01);
     check_near(shell->position[tip].z, 0, 0.01);
+    dgfem_shell_destroy(shell);
+}
+
+/* Frozen rotations reach the same equilibrium, more slowly. */
+static void fixed_point_agrees_with_newton(void **state) {
+    dgfem_vec3 tips[2];
+    dgfem_shell_info info[2];
+    (void)state;
+    for (int frozen = 0; frozen < 2; frozen++) {
+        dgfem_shell_static_desc how = dgfem_default_shell_static_desc();
+        dgfem_shell_desc desc = shell_desc();
+        int edges[256];
+        dgfem_shell *shell = shell_make(&desc, 3, 1, 0, map_flat);
+        int tip = shell_grid_nearest(shell, 1, 0, 0);
+        check_status(dgfem_shell_clamp(shell, edges, shell_edges(shell, plane_of(1, 0, 0, 0), edges), NULL), DGFEM_OK);
+        check_status(dgfem_shell_set_line_load(shell, edges, shell_edges(shell, plane_of(1, 0, 0, 1), edges),
+                                               at3(0, 0, 0.15), NULL),
+                     DGFEM_OK);
+        how.frozen = frozen;
+        how.max_iterations = 200;
+        how.tolerance = (dgfem_real)(DGFEM_REAL_IS_FLOAT ? 1e-3 : 1e-7);
+        check_status(dgfem_shell_solve_static(shell, &how, &info[frozen]), DGFEM_OK);
+        tips[frozen] = shell->position[tip];
+        dgfem_shell_destroy(shell);
+    }
+    assert_true((double)tips[0].z > 0.3);
+    check_near3(tips[1], tips[0], DGFEM_REAL_IS_FLOAT ? 0.01 : 1e-5);
+    assert_true(info[1].iterations > info[0].iterations);
+}
+
+/* Euler's column, clamped at one end: it stands up to E I (pi / 2 L)^2 and no longer. */
+static void column_loses_stability_at_eulers_load(void **state) {
+    const double euler = 100 * 3.14159265 * 3.14159265 / 400;
+    dgfem_shell_static_desc how = dgfem_default_shell_static_desc();
+    int edges[256], id, stable;
+    (void)state;
+    if (DGFEM_REAL_IS_FLOAT) return;
+    dgfem_shell *shell = make_strip(8, 0, 1);
+    int count = shell_edges(shell, plane_of(1, 0, 0, 10), edges);
+    check_status(dgfem_shell_set_line_load(shell, edges, count, at3(-0.98 * euler, 0, 0), &id), DGFEM_OK);
+    check_status(dgfem_shell_solve_static(shell, &how, NULL), DGFEM_OK);
+    check_status(dgfem_shell_is_stable(shell, &stable), DGFEM_OK);
+    assert_true(stable);
+    check_status(dgfem_shell_change_load(shell, id, at3(-1.02 * euler, 0, 0), 0), DGFEM_OK);
+    (void)dgfem_shell_solve_static(shell, &how, NULL); /* straight on, or off to a side */
+    check_status(dgfem_shell_is_stable(shell, &stable), DGFEM_OK);
+    double bent = fabs((double)shell->position[shell_grid_nearest(shell, 10, 0, 0)].z);
+    assert_true(!stable || bent > 0.1);
+    dgfem_shell_destroy(shell);
+}
+
+/* A balloon: a tube closed by symmetry planes, of radius 1, under a follower pressure p has the hoop force p R. */
+static void pressure_stretches_a_tube(void **state) {
+    dgfem_shell_desc desc = shell_desc();
+    dgfem_shell_static_desc how = dgfem_default_shell_static_desc();
+    int edges[256], node = 0;
+    (void)state;
+    desc.material.poisson = 0;
+    dgfem_shell *shell = shell_make(&desc, 8, 1, 0, map_tube);
+    for (int end = 0; end < 2; end++)
+        check_status(dgfem_shell_fix_symmetry(shell, edges, shell_edges(shell, plane_of(0, 0, 1, 2 * end), edges),
+                                              at3(0, 0, 1), NULL),
+                     DGFEM_OK);
+    check_status(dgfem_shell_fix_nodes(shell, &node, 1, DGFEM_SHELL_Y, at3(0, 0, 0), NULL), DGFEM_OK);
+    int opposite = shell_grid_nearest(shell, -1, 0, 0);
+    check_status(dgfem_shell_fix_nodes(shell, &opposite, 1, DGFEM_SHELL_Y, at3(0, 0, 0), NULL), DGFEM_OK);
+    int side = shell_grid_nearest(shell, 0, 1, 0);
+    check_status(dgfem_shell_fix_nodes(shell, &side, 1, DGFEM_SHELL_X, at3(0, 0, 0), NULL), DGFEM_OK);
+    check_status(dgfem_shell_set_pressure(shell, NULL, 0, 5, 1, NULL), DGFEM_OK);
+    check_status(dgfem_shell_solve_static(shell, &how, NULL), DGFEM_OK);
+    /* E h e = p (1 + e): 100 e = 5 (1 + e) */
+    double x = (double)(shell->position[node].x - shell->position[opposite].x) / 2;
+    check_near(x - 1, 5.0 / 95, 2e-3);
     dgfem_shell_destroy(shell);
 }
 
@@ -598,8 +677,10 @@ static void loads_have_the_right_resultants(void **state) {
             check_status(dgfem_shell_set_moment(shell, edges, 5, 3, 1, &id), DGFEM_OK);
         } else { /* a spring at its place pulls nothing */
             check_status(dgfem_shell_pin(shell, 5, 100, &id), DGFEM_OK);
-            check_status(dgfem_shell_drag(shell, id, at3((double)shell->rest[5].x + 0.5, (double)shell->rest[5].y,
-                                                         (double)shell->rest[5].z)), DGFEM_OK);
+            check_status(
+                dgfem_shell_drag(
+                    shell, id, at3((double)shell->rest[5].x + 0.5, (double)shell->rest[5].y, (double)shell->rest[5].z)),
+                DGFEM_OK);
             expect = at3(50, 0, 0);
         }
         check_status(dgfem_shell_external_force(shell, f), DGFEM_OK);
@@ -673,6 +754,9 @@ int main(void) {
         cmocka_unit_test(strip_bends_as_a_beam),
         cmocka_unit_test(strip_under_large_end_shear),
         cmocka_unit_test(strip_rolls_up),
+        cmocka_unit_test(fixed_point_agrees_with_newton),
+        cmocka_unit_test(column_loses_stability_at_eulers_load),
+        cmocka_unit_test(pressure_stretches_a_tube),
         cmocka_unit_test(moving_clamp_carries_the_shell),
         cmocka_unit_test(loads_have_the_right_resultants),
         cmocka_unit_test(refuses_bad_conditions),

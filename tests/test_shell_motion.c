@@ -19,8 +19,7 @@ static void free_fall_is_uniform(void **state) {
         desc.step_tolerance = 0;
         dgfem_shell *shell = shell_make(&desc, 2, 1, 0, map_curved);
         dgfem_vec3 linear, angular;
-        for (int step = 0; step < 10; step++)
-            check_status(dgfem_shell_step(shell, (dgfem_real)0.01, NULL), DGFEM_OK);
+        for (int step = 0; step < 10; step++) check_status(dgfem_shell_step(shell, (dgfem_real)0.01, NULL), DGFEM_OK);
         for (int i = 0; i < shell->node_count; i++) { /* h^2 g n (n + 1) / 2 */
             dgfem_vec3 x = shell->rest[i];
             check_near3(shell->velocity[i], at3(0, 0, -1), 2e5 * CHECK_EPSILON);
@@ -38,15 +37,14 @@ static void momentum_is_kept(void **state) {
     check_random random = check_random_seeded(71);
     dgfem_shell_desc desc = shell_desc();
     (void)state;
-    desc.step_iterations = 20;
+    desc.step_iterations = DGFEM_REAL_IS_FLOAT ? 4 : 20;
     desc.step_tolerance = (dgfem_real)(DGFEM_REAL_IS_FLOAT ? 1e-5 : 1e-12);
     desc.damping_stiffness = (dgfem_real)0.001;
     dgfem_shell *shell = shell_make_mixed(&desc, 0.2);
     dgfem_vec3 before, after, turning_before, turning_after;
     for (int i = 0; i < shell->node_count; i++) shell->velocity[i] = check_random_vec3(&random, -1, 1);
     check_status(dgfem_shell_momentum(shell, &before, &turning_before), DGFEM_OK);
-    for (int step = 0; step < 10; step++)
-        check_status(dgfem_shell_step(shell, (dgfem_real)0.002, NULL), DGFEM_OK);
+    for (int step = 0; step < 5; step++) check_status(dgfem_shell_step(shell, (dgfem_real)0.002, NULL), DGFEM_OK);
     check_status(dgfem_shell_momentum(shell, &after, &turning_after), DGFEM_OK);
     check_near3(after, before, DGFEM_REAL_IS_FLOAT ? 1e-4 : 1e-10);
     assert_true(isfinite((double)turning_after.x));
@@ -57,7 +55,7 @@ static void momentum_is_kept(void **state) {
 static void strip_vibrates_as_a_beam(void **state) {
     dgfem_shell_desc desc = shell_desc();
     (void)state;
-    for (int triangles = 0; triangles < 2; triangles++) {
+    for (int triangles = 0; triangles < 2 - DGFEM_REAL_IS_FLOAT; triangles++) { /* sanitizers take their time */
         int edges[256], steps = 90, crossings = 0;
         double first = 0, last = 0, previous = 0;
         desc.material.poisson = 0;
@@ -98,12 +96,10 @@ static void plate_rests_on_a_plane(void **state) {
         dgfem_shell *shell = shell_make(&desc, 2, 2, turned, map_flat);
         plane.plane.offset = (dgfem_real)-0.07; /* thickness 0.1: 0.02 to fall */
         check_status(dgfem_shell_add_plane(shell, &plane, NULL), DGFEM_OK);
-        for (int step = 0; step < 30; step++)
-            check_status(dgfem_shell_step(shell, (dgfem_real)0.03, &info), DGFEM_OK);
+        for (int step = 0; step < 30; step++) check_status(dgfem_shell_step(shell, (dgfem_real)0.03, &info), DGFEM_OK);
         assert_true(info.contacts == shell->node_count);
         double push = 0; /* k (half - distance) summed up is the weight: 10 N */
-        for (int i = 0; i < shell->node_count; i++)
-            push += 10 * 100 * (0.05 - ((double)shell->position[i].z + 0.07));
+        for (int i = 0; i < shell->node_count; i++) push += 10 * 100 * (0.05 - ((double)shell->position[i].z + 0.07));
         check_near(push, 10, 0.05);
         dgfem_shell_destroy(shell);
     }
@@ -121,8 +117,7 @@ static void friction_holds_or_slides(void **state) {
         plane.plane.offset = (dgfem_real)-0.05;
         plane.friction = (dgfem_real)(slides ? 0.1 : 0.5);
         check_status(dgfem_shell_add_plane(shell, &plane, NULL), DGFEM_OK);
-        for (int step = 0; step < 50; step++)
-            check_status(dgfem_shell_step(shell, (dgfem_real)0.02, NULL), DGFEM_OK);
+        for (int step = 0; step < 50; step++) check_status(dgfem_shell_step(shell, (dgfem_real)0.02, NULL), DGFEM_OK);
         double speed = 0;
         for (int i = 0; i < shell->node_count; i++) speed += (double)shell->velocity[i].x / shell->node_count;
         check_near(speed, slides ? 10 * (s - 0.1 * c) : 0, slides ? 0.1 : 2e-3);
@@ -133,7 +128,7 @@ static void friction_holds_or_slides(void **state) {
 /* A sphere under the middle of a falling sheet holds it up from below, on whichever side its normals point. */
 static void sphere_catches_a_sheet(void **state) {
     (void)state;
-    for (int turned = 0; turned < 2; turned++) {
+    for (int turned = 0; turned < 2 - DGFEM_REAL_IS_FLOAT; turned++) {
         dgfem_shell_desc desc = shell_desc();
         dgfem_shape_desc ball = dgfem_default_shape_desc();
         desc.gravity = at3(0, 0, turned ? 10 : -10);
@@ -144,8 +139,7 @@ static void sphere_catches_a_sheet(void **state) {
         ball.radius = (dgfem_real)0.3;
         ball.friction = 1;
         check_status(dgfem_shell_add_sphere(shell, &ball, NULL), DGFEM_OK);
-        for (int step = 0; step < 20; step++)
-            check_status(dgfem_shell_step(shell, (dgfem_real)0.03, NULL), DGFEM_OK);
+        for (int step = 0; step < 12; step++) check_status(dgfem_shell_step(shell, (dgfem_real)0.05, NULL), DGFEM_OK);
         int middle = shell_grid_nearest(shell, 0.5, 0.5, 0);
         double top = fabs((double)shell->position[middle].z);
         check_near(top, 0.09, 0.02);
@@ -196,12 +190,34 @@ static void large_steps_are_stable(void **state) {
         dgfem_energy energy;
         check_status(dgfem_shell_energy(shell, &energy), DGFEM_OK);
         double first = (double)(energy.kinetic + energy.elastic + energy.gravity);
-        for (int step = 0; step < 15; step++)
-            check_status(dgfem_shell_step(shell, (dgfem_real)0.02, NULL), DGFEM_OK);
+        for (int step = 0; step < 15; step++) check_status(dgfem_shell_step(shell, (dgfem_real)0.02, NULL), DGFEM_OK);
         check_status(dgfem_shell_energy(shell, &energy), DGFEM_OK);
         assert_true((double)(energy.kinetic + energy.elastic + energy.gravity) < first);
         dgfem_shell_destroy(shell);
     }
+}
+
+/* Nothing is allocated once the shell stands. */
+static void steps_allocate_nothing(void **state) {
+    dgfem_shell_desc desc = shell_desc();
+    dgfem_shape_desc plane = dgfem_default_shape_desc();
+    dgfem_shell_static_desc how = dgfem_default_shell_static_desc();
+    check_host host;
+    int edges[256];
+    (void)state;
+    desc.hooks = check_hooks(&host);
+    desc.gravity = at3(0, 0, -1);
+    dgfem_shell *shell = shell_make(&desc, 2, 1, 0, map_flat);
+    plane.plane.offset = (dgfem_real)-0.06;
+    check_status(dgfem_shell_add_plane(shell, &plane, NULL), DGFEM_OK);
+    check_status(dgfem_shell_clamp(shell, edges, shell_edges(shell, plane_of(1, 0, 0, 0), edges), NULL), DGFEM_OK);
+    long calls = host.calls;
+    for (int step = 0; step < 5; step++) check_status(dgfem_shell_step(shell, (dgfem_real)0.05, NULL), DGFEM_OK);
+    check_status(dgfem_shell_solve_static(shell, &how, NULL), DGFEM_OK);
+    assert_int_equal(host.calls, calls);
+    assert_int_equal(host.log_count, 0);
+    dgfem_shell_destroy(shell);
+    assert_int_equal(host.live, 0);
 }
 
 /* The hung sheet's rest state in motion is that of the static solve. */
@@ -226,11 +242,11 @@ static void motion_ends_in_equilibrium(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(free_fall_is_uniform),     cmocka_unit_test(momentum_is_kept),
-        cmocka_unit_test(strip_vibrates_as_a_beam), cmocka_unit_test(plate_rests_on_a_plane),
-        cmocka_unit_test(friction_holds_or_slides), cmocka_unit_test(sphere_catches_a_sheet),
-        cmocka_unit_test(pins_and_fixtures_move),   cmocka_unit_test(large_steps_are_stable),
-        cmocka_unit_test(motion_ends_in_equilibrium),
+        cmocka_unit_test(free_fall_is_uniform),       cmocka_unit_test(momentum_is_kept),
+        cmocka_unit_test(strip_vibrates_as_a_beam),   cmocka_unit_test(plate_rests_on_a_plane),
+        cmocka_unit_test(friction_holds_or_slides),   cmocka_unit_test(sphere_catches_a_sheet),
+        cmocka_unit_test(pins_and_fixtures_move),     cmocka_unit_test(large_steps_are_stable),
+        cmocka_unit_test(motion_ends_in_equilibrium), cmocka_unit_test(steps_allocate_nothing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

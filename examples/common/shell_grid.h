@@ -49,8 +49,7 @@ static inline int shell_grid_add(shell_grid *grid, int nu, int nv, int triangles
     int *at = (int *)malloc((size_t)(stride * rows) * sizeof(int));
     dgfem_vec3 *nodes = (dgfem_vec3 *)realloc(grid->nodes, (size_t)(grid->node_count + stride * rows) * sizeof *nodes);
     if (nodes) grid->nodes = nodes;
-    int *elements =
-        (int *)realloc(grid->elements, (size_t)(per * (grid->element_count + cells)) * sizeof(int));
+    int *elements = (int *)realloc(grid->elements, (size_t)(per * (grid->element_count + cells)) * sizeof(int));
     if (elements) grid->elements = elements;
     if (!at || !nodes || !elements) return free(at), 0;
     grid->triangles = triangles;

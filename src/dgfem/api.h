@@ -591,6 +591,7 @@ typedef struct dgfem_embedding {
     int point_count;
     dgfem_vec3 *points;        /* rest positions */
     int *point_element;        /* element that contains the point, or the nearest one */
+    dgfem_vec3 *point_window;  /* where the samples' windows are evaluated: the point, or nearer to its element */
     int *weight_start;         /* [point_count + 1] */
     int *weight_sample;
     dgfem_real *weight;
@@ -598,6 +599,8 @@ typedef struct dgfem_embedding {
     int element_count;
     dgfem_vec3 *element_centre;
     int *element_glue;          /* glued faces of each element */
+    dgfem_vec3 *element_box;    /* [2 * element_count] lower and upper corners */
+    dgfem_real *element_reach;  /* largest window among the samples that may see through the element */
     int revision;              /* of the body it was made for */
     dgfem_hooks hooks;
 } dgfem_embedding;
@@ -954,12 +957,14 @@ DGFEM_API dgfem_status dgfem_body_cut_plane(dgfem_body *body, dgfem_plane plane,
                                             dgfem_cut_info *info);
 
 /* Cuts inside a planar polygon, convex or not, in either sense. Elements that it meets are split along its plane, and
-   stay glued outside of it. Refuses polygons of fewer than three vertices, without area, bent or crossing themselves. */
+   their parts stay glued outside of it. Refuses polygons of fewer than three vertices, without area, bent or crossing themselves. */
 DGFEM_API dgfem_status dgfem_body_cut_polygon(dgfem_body *body, dgfem_points_in polygon, const dgfem_cut_desc *desc,
                                               dgfem_cut_info *info);
 
 /* Cuts along triangles (three vertex indices each, in either sense), one after the other: a surface, or the area that a
-   moving edge has swept. Triangles without area cut nothing. */
+   moving edge has swept. Triangles without area, or thinner than 1e-12 (float: 1e-4) of their length, cut nothing: wait
+   until a slow edge has moved. Where elements jump or bend, the surface is followed as closely as their neighbours
+   agree on where it is. */
 DGFEM_API dgfem_status dgfem_body_cut_surface(dgfem_body *body, dgfem_points_in vertices, const int *triangles,
                                               int triangle_count, const dgfem_cut_desc *desc, dgfem_cut_info *info);
 

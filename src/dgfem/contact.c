@@ -167,9 +167,11 @@ static void dgfemi_contacts_destroy(dgfem_contacts *contacts) {
 }
 
 /* Contact points of a body: the given rest positions, each with its area; or, where `points` is NULL, the boundary
-   corners of the mesh with their parts of the boundary. */
-static dgfem_status dgfemi_contacts_create(const dgfem_body *body, const dgfem_points_in *points,
-                                           const dgfem_real *areas, dgfem_contacts **out) {
+   corners of the mesh with their parts of the boundary. `old`: an embedding of the same points in the body before its
+   elements changed, or NULL. */
+static dgfem_status dgfemi_contacts_create_from(const dgfem_body *body, const dgfem_points_in *points,
+                                                const dgfem_real *areas, const dgfem_embedding *old,
+                                                dgfem_contacts **out) {
     const dgfem_hooks *hooks = &body->hooks;
     dgfem_contacts *contacts = (dgfem_contacts *)dgfemi_allocate_zero(hooks, 1, sizeof *contacts);
     dgfem_status status;
@@ -178,7 +180,7 @@ static dgfem_status dgfemi_contacts_create(const dgfem_body *body, const dgfem_p
     contacts->hooks = *hooks;
     contacts->from_corners = !points;
     if (points) {
-        status = dgfemi_embedding_create(body, points, hooks, &contacts->embedding);
+        status = dgfemi_embedding_create_at(body, points, NULL, NULL, old, hooks, &contacts->embedding);
         if (status == DGFEM_OK) {
             contacts->area = (dgfem_real *)dgfemi_duplicate(hooks, areas, (size_t)points->count, sizeof(dgfem_real));
             if (!contacts->area) status = dgfemi_fail_memory(hooks);
@@ -195,11 +197,16 @@ static dgfem_status dgfemi_contacts_create(const dgfem_body *body, const dgfem_p
     return DGFEM_OK;
 }
 
+static dgfem_status dgfemi_contacts_create(const dgfem_body *body, const dgfem_points_in *points,
+                                           const dgfem_real *areas, dgfem_contacts **out) {
+    return dgfemi_contacts_create_from(body, points, areas, NULL, out);
+}
+
 /* The same contact points for a body whose polynomials or elements have changed. */
 static dgfem_status dgfemi_contacts_renew(const dgfem_contacts *old, const dgfem_body *body, dgfem_contacts **out) {
     if (old->from_corners) return dgfemi_contacts_create(body, NULL, NULL, out);
     dgfem_points_in points = dgfem_points_in_vec3(old->embedding->points, old->embedding->point_count);
-    return dgfemi_contacts_create(body, &points, old->area, out);
+    return dgfemi_contacts_create_from(body, &points, old->area, old->embedding, out);
 }
 
 /* ---- one contact ---- */

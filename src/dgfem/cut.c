@@ -1,6 +1,7 @@
 #pragma once
 #include "blade.c"
-#include "degree.c"
+#include "renew.c"
+#include "skin_cut.c"
 /* Cutting a body along a blade in world space.
 
    Each element carries the blade back to the material by its own map X(x) = x + u(x). Where the gradient F is constant
@@ -11,7 +12,9 @@
         split into by its own plane;
      2. every glued face between a part below and one above is a wall. Besides the new faces these are the thin strips
         where two planes miss each other, and the faces of elements that are not worth splitting;
-     3. walls are cut: all of them, or those that a polygon covers, which are divided along its edges first.
+     3. walls are cut: all of them, or those that a polygon passes through, which are divided along its edges first. At a
+        wall the two sides of a material point have the places X_a and X_b in the world; the polygon has passed between
+        them where it meets the segment from X_a to X_b.
 
                   |  A  :  B  |        A is split along a, B along b; the strip between a and b, a part of their
                   |     :     |        common face, is between A's part above and B's part below: it is a wall
@@ -33,8 +36,12 @@ typedef struct dgfemi_cutter {
     const dgfemi_blade *blade;
     dgfem_real snap, smallest, sliver; /* as in dgfem_cut_desc */
     dgfemi_splitter splitter;
-    signed char *side; /* [elements] -1, 0 not concerned, 1 */
-    int side_capacity, side_count;
+    signed char *side; /* [elements] -1, 1, or, where the blade does not reach, 0 */
+    dgfem_vec3 *place; /* [elements] of their centres in the world, */
+    dgfem_real *reach; /* and how far from there they may extend */
+    char *touched;     /* [elements] 1: a part of what was split */
+    int side_capacity, place_capacity, reach_capacity, touched_capacity, side_count;
+    dgfem_vec3 lower, upper; /* box of the blade */
     dgfemi_straddler *straddlers;
     int straddler_count, straddler_capacity;
     dgfemi_ints walls, group;
@@ -54,6 +61,9 @@ static void dgfemi_cutter_free(dgfemi_cutter *cutter) {
     const dgfem_hooks *hooks = &cutter->edit->body->hooks;
     dgfemi_splitter_free(&cutter->splitter);
     dgfemi_free(hooks, cutter->side);
+    dgfemi_free(hooks, cutter->place);
+    dgfemi_free(hooks, cutter->reach);
+    dgfemi_free(hooks, cutter->touched);
     dgfemi_free(hooks, cutter->straddlers);
     dgfemi_free(hooks, cutter->walls.data);
     dgfemi_free(hooks, cutter->group.data);
@@ -135,7 +145,7 @@ static int dgfemi_cutter_face_section(dgfemi_cutter *cutter, const dgfemi_field 
             if ((da >= 0) == (db >= 0)) continue;
             dgfem_vec3 x = dgfemi_add_scaled(a, da / (da - db), dgfemi_sub(b, a));
             dgfem_vec3 place = dgfemi_field_map(cutter->edit, field, x, NULL);
-            if (!dgfemi_crossing_push(hooks, crossings, dgfemi_dot(along, x), cutter->places.count) ||
+            if (!dgfemi_crossing_push(&mesh->hooks, crossings, dgfemi_dot(along, x), cutter->places.count) ||
                 !dgfemi_vectors_push(hooks, &cutter->places, &place, 1))
                 return 0;
         }
@@ -200,22 +210,38 @@ static int dgfemi_section_meets(const dgfemi_blade *blade, const dgfem_vec3 *poi
 
 /* ---- 1. sides ---- */
 
+/* Where an element is in the world: that changes only when it is split. */
+static void dgfemi_cutter_find_place(dgfemi_cutter *cutter, int element) {
+    const dgfem_element *e = &cutter->edit->mesh->elements[element];
+    const dgfemi_field *field = dgfemi_field_of(cutter->edit, element);
+    cutter->side[element] = 0, cutter->touched[element] = 0;
+    if (e->face_count == 0) return;
+    cutter->place[element] = dgfemi_field_map(cutter->edit, field, e->centre, NULL);
+    cutter->reach[element] = dgfemi_field_reach(cutter->edit, field, e);
+}
+
+/* Takes in the elements that have come since the last call. 1 on success, 0 when out of memory. */
 static int dgfemi_cutter_fit_sides(dgfemi_cutter *cutter) {
-    void *side = cutter->side;
+    const dgfem_hooks *hooks = &cutter->edit->body->hooks;
+    void *side = cutter->side, *place = cutter->place, *reach = cutter->reach, *touched = cutter->touched;
     int n = cutter->edit->mesh->element_count;
-    int ok = dgfemi_mesh_room(&cutter->edit->body->hooks, &side, 0, &cutter->side_capacity, n, 1);
+    int ok = dgfemi_mesh_room(hooks, &side, 0, &cutter->side_capacity, n, 1);
     cutter->side = (signed char *)side;
-    for (; ok && cutter->side_count < n; cutter->side_count++) cutter->side[cutter->side_count] = 0;
+    ok = ok && dgfemi_mesh_room(hooks, &place, 0, &cutter->place_capacity, n, sizeof(dgfem_vec3));
+    cutter->place = (dgfem_vec3 *)place;
+    ok = ok && dgfemi_mesh_room(hooks, &reach, 0, &cutter->reach_capacity, n, sizeof(dgfem_real));
+    cutter->reach = (dgfem_real *)reach;
+    ok = ok && dgfemi_mesh_room(hooks, &touched, 0, &cutter->touched_capacity, n, 1);
+    cutter->touched = (char *)touched;
+    for (; ok && cutter->side_count < n; cutter->side_count++) dgfemi_cutter_find_place(cutter, cutter->side_count);
     return ok;
 }
 
-/* Whether a sphere in the world is beside the box of the blade's polygon. */
-static int dgfemi_blade_misses(const dgfemi_blade *blade, dgfem_vec3 centre, dgfem_real radius) {
-    dgfem_vec3 lower, upper, nearest;
-    if (!blade->polygon) return 0;
-    dgfemi_blade_box(blade, &lower, &upper);
-    nearest = dgfemi_min3(dgfemi_max3(centre, lower), upper);
-    return dgfemi_distance(nearest, centre) > radius;
+/* Whether the element's sphere in the world is beside the box of the blade. */
+static int dgfemi_cutter_misses(const dgfemi_cutter *cutter, int element) {
+    dgfem_vec3 place = cutter->place[element];
+    dgfem_vec3 nearest = dgfemi_min3(dgfemi_max3(place, cutter->lower), cutter->upper);
+    return cutter->blade->polygon && dgfemi_distance(nearest, place) > DGFEM_R(1.001) * cutter->reach[element];
 }
 
 static int dgfemi_cutter_add_straddler(dgfemi_cutter *cutter, int element, dgfem_plane plane) {
@@ -230,18 +256,22 @@ static int dgfemi_cutter_add_straddler(dgfemi_cutter *cutter, int element, dgfem
     return 1;
 }
 
+/* What lies no further than this beyond the blade is not split off. */
+static dgfem_real dgfemi_cutter_thin(const dgfemi_cutter *cutter, const dgfem_element *e) {
+    return dgfemi_max(cutter->snap * e->radius, cutter->smallest);
+}
+
 /* Gives an element its side, or lists it for the split. 0 when out of memory. */
 static int dgfemi_cutter_take_side(dgfemi_cutter *cutter, int element) {
     const dgfemi_blade *blade = cutter->blade;
     const dgfem_element *e = &cutter->edit->mesh->elements[element];
     const dgfemi_field *field = dgfemi_field_of(cutter->edit, element);
-    dgfem_vec3 place = dgfemi_field_map(cutter->edit, field, e->centre, NULL);
-    dgfem_real distance = dgfemi_blade_distance(blade, place), reach = dgfemi_field_reach(cutter->edit, field, e);
-    dgfem_real low, high, thin = dgfemi_max(cutter->snap * e->radius, cutter->smallest);
+    dgfem_real distance = dgfemi_blade_distance(blade, cutter->place[element]);
+    dgfem_real low, high, thin = dgfemi_cutter_thin(cutter, e);
     cutter->side[element] = 0;
-    if (dgfemi_blade_misses(blade, place, DGFEM_R(1.001) * reach)) return 1;
+    if (dgfemi_cutter_misses(cutter, element)) return 1;
     cutter->side[element] = distance >= 0 ? 1 : -1;
-    if (dgfemi_abs(distance) > reach) return 1;
+    if (dgfemi_abs(distance) > cutter->reach[element]) return 1;
     dgfem_plane plane = dgfemi_field_plane(cutter->edit, field, blade->normal, blade->offset, e->centre, 2 * e->radius);
     if (!(dgfemi_norm(plane.normal) > 0)) return 1;
     dgfemi_element_extent(cutter->edit->mesh, element, plane, &low, &high);
@@ -260,6 +290,7 @@ static int dgfemi_cutter_take_side(dgfemi_cutter *cutter, int element) {
 static int dgfemi_cutter_take_sides(dgfemi_cutter *cutter) {
     const dgfem_mesh *mesh = cutter->edit->mesh;
     cutter->straddler_count = 0;
+    dgfemi_blade_box(cutter->blade, &cutter->lower, &cutter->upper);
     if (!dgfemi_cutter_fit_sides(cutter)) return 0;
     for (int e = 0; e < mesh->element_count; e++)
         if (mesh->elements[e].face_count > 0 && !dgfemi_cutter_take_side(cutter, e)) return 0;
@@ -276,11 +307,14 @@ static dgfem_status dgfemi_cutter_split_by(dgfemi_cutter *cutter, dgfem_plane pl
     dgfem_status status = dgfemi_split_elements(&cutter->splitter, plane, cutter->group.data, cutter->group.count);
     mesh->hooks.log = hooks.log;
     if (status == DGFEM_ERROR_MEMORY || (!status && !dgfemi_cutter_fit_sides(cutter)))
-        return dgfemi_fail_memory(&hooks);
+        return dgfemi_fail_memory(&cutter->edit->body->hooks);
     if (status) return status;
     for (int c = 0; c < cutter->splitter.child_count; c++) {
         const dgfemi_split_child *child = &cutter->splitter.children[c];
-        if (child->side != 0) cutter->side[child->element] = (signed char)child->side;
+        if (child->side == 0) continue;
+        dgfemi_cutter_find_place(cutter, child->element);
+        cutter->side[child->element] = (signed char)child->side;
+        cutter->touched[child->element] = 1;
     }
     cutter->elements_split += cutter->splitter.selected.count;
     return DGFEM_OK;
@@ -299,7 +333,8 @@ static dgfem_status dgfemi_cutter_split_alone(dgfemi_cutter *cutter, const dgfem
         dgfem_plane plane = s->plane;
         plane.offset += (dgfem_real)shifts[i] * radius;
         dgfem_status status = dgfemi_cutter_split_by(cutter, plane);
-        if ((!status && cutter->splitter.selected.count > 0) || status == DGFEM_ERROR_MEMORY) return status;
+        if (status == DGFEM_ERROR_MEMORY || (!status && cutter->splitter.selected.count > 0)) return status;
+        if (!status) break; /* the plane runs along it, but for round-off */
     }
     cutter->side[s->element] = height >= 0 ? 1 : -1;
     return DGFEM_OK;
@@ -337,20 +372,55 @@ static dgfem_status dgfemi_cutter_split_group(dgfemi_cutter *cutter, int first) 
 
 /* ---- 2. and 3. walls ---- */
 
-static int dgfemi_cutter_list_walls(dgfemi_cutter *cutter) {
+static dgfem_vec3 dgfemi_cutter_place(const dgfemi_cutter *cutter, int element, dgfem_vec3 x) {
+    return dgfemi_field_map(cutter->edit, dgfemi_field_of(cutter->edit, element), x, NULL);
+}
+
+/* Whether the blade, beyond its polygon, goes on into the second element, while the first, on one side of it, meets the
+   second in a face that lies along the blade: there the second is on the other side. */
+static int dgfemi_cutter_is_along(const dgfemi_cutter *cutter, const dgfem_face *face, int first) {
     const dgfem_mesh *mesh = cutter->edit->mesh;
-    cutter->walls.count = 0;
-    for (int f = 0; f < mesh->face_count; f++) {
-        const dgfem_face *face = &mesh->faces[f];
-        if (face->element[0] == DGFEM_NONE || face->element[1] == DGFEM_NONE || face->cut) continue;
-        if (cutter->side[face->element[0]] * cutter->side[face->element[1]] >= 0) continue;
-        if (!dgfemi_push(&cutter->edit->body->hooks, &cutter->walls, f)) return 0;
-    }
-    return 1;
+    int a = face->element[first], b = face->element[1 - first];
+    const dgfem_element *e = &mesh->elements[a];
+    if (cutter->side[a] == 0 || cutter->side[b] != 0 || dgfemi_cutter_misses(cutter, b)) return 0;
+    dgfem_plane plane = dgfemi_field_plane(cutter->edit, dgfemi_field_of(cutter->edit, a), cutter->blade->normal,
+                                           cutter->blade->offset, e->centre, 2 * e->radius);
+    dgfem_real towards = dgfemi_dot(plane.normal, face->normal) * (first == 0 ? 1 : -1); /* from a to b */
+    return (dgfem_real)cutter->side[a] * towards < 0 &&
+           dgfemi_mesh_face_off_plane(mesh, (int)(face - mesh->faces), plane.normal, plane.offset) <=
+               dgfemi_cutter_thin(cutter, e);
+}
+
+/* The side of an element that the blade goes on into beyond its polygon, seen from a face. */
+static int dgfemi_cutter_side_at(const dgfemi_cutter *cutter, int element, const dgfem_face *face) {
+    if (cutter->side[element] != 0) return cutter->side[element];
+    if (dgfemi_cutter_misses(cutter, element)) return 0;
+    return dgfemi_blade_side(cutter->blade, dgfemi_cutter_place(cutter, element, face->centre)) ? 1 : -1;
 }
 
 static int dgfemi_cutter_is_wall(const dgfemi_cutter *cutter, const dgfem_face *face) {
-    return !face->cut && cutter->side[face->element[0]] * cutter->side[face->element[1]] < 0;
+    if (face->element[1] == DGFEM_NONE || face->cut) return 0;
+    if (dgfemi_cutter_side_at(cutter, face->element[0], face) * dgfemi_cutter_side_at(cutter, face->element[1], face) <
+        0)
+        return 1;
+    return dgfemi_cutter_is_along(cutter, face, 0) || dgfemi_cutter_is_along(cutter, face, 1);
+}
+
+/* Walls have an element with a side. Each is listed by the first of its elements that has one. */
+static int dgfemi_cutter_list_walls(dgfemi_cutter *cutter) {
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    cutter->walls.count = 0;
+    for (int element = 0; element < mesh->element_count; element++) {
+        const dgfem_element *e = &mesh->elements[element];
+        for (int k = e->face_start; cutter->side[element] != 0 && k < e->face_start + e->face_count; k++) {
+            const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+            if (face->element[0] != element && cutter->side[face->element[0]] != 0) continue;
+            if (dgfemi_cutter_is_wall(cutter, face) &&
+                !dgfemi_push(&cutter->edit->body->hooks, &cutter->walls, mesh->element_faces[k]))
+                return 0;
+        }
+    }
+    return 1;
 }
 
 /* The neighbour that a part should stay with: the one across its largest wall, when the part would be left alone, and
@@ -387,16 +457,12 @@ static int dgfemi_cutter_keep_crumbs(dgfemi_cutter *cutter) {
     return !kept || dgfemi_cutter_list_walls(cutter);
 }
 
-static dgfem_vec3 dgfemi_cutter_place(const dgfemi_cutter *cutter, int element, dgfem_vec3 x) {
-    return dgfemi_field_map(cutter->edit, dgfemi_field_of(cutter->edit, element), x, NULL);
-}
-
 /* Whether an edge of the polygon passes through the inside of a face; its places in the world come from one side. */
 static int dgfemi_cutter_edge_meets(dgfemi_cutter *cutter, int f, dgfem_vec3 from, dgfem_vec3 to) {
     const dgfem_mesh *mesh = cutter->edit->mesh;
     const dgfem_face *face = &mesh->faces[f];
     double a[2], b[2], c[2], d[2];
-    int inside = 0;
+    int from_inside = 0, to_inside = 0;
     dgfemi_blade_project(cutter->blade, from, a);
     dgfemi_blade_project(cutter->blade, to, b);
     for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++) {
@@ -409,16 +475,18 @@ static int dgfemi_cutter_edge_meets(dgfemi_cutter *cutter, int f, dgfem_vec3 fro
             dgfemi_blade_project(cutter->blade, dgfemi_cutter_place(cutter, face->element[0], mesh->vertices[loop[i]]),
                                  d);
             if (dgfemi_segments_meet(a, b, c, d)) return 1;
-            inside ^= dgfemi_edge_winding(c, d, a) != 0;
+            from_inside ^= dgfemi_edge_winding(c, d, a) != 0;
+            to_inside ^= dgfemi_edge_winding(c, d, b) != 0;
         }
     }
-    return inside;
+    return from_inside || to_inside;
 }
 
 /* Divides a wall along the edge of the polygon, unless the edge runs along the wall's own. The parts are listed. */
 static dgfem_status dgfemi_cutter_divide(dgfemi_cutter *cutter, int wall, dgfem_vec3 from, dgfem_vec3 to) {
     dgfemi_splitter *s = &cutter->splitter;
     dgfem_mesh *mesh = cutter->edit->mesh;
+    const dgfem_hooks *own = &cutter->edit->body->hooks;
     dgfem_hooks hooks = mesh->hooks;
     int f = cutter->walls.data[wall], element = mesh->faces[f].element[0];
     const dgfem_face *face = &mesh->faces[f];
@@ -435,15 +503,15 @@ static dgfem_status dgfemi_cutter_divide(dgfemi_cutter *cutter, int wall, dgfem_
         }
     dgfem_real thin = dgfemi_max(cutter->snap * radius, DGFEM_SAME_PLANE * radius);
     if (high < thin || -low < thin) return DGFEM_OK;
-    if (!dgfemi_split_set_plane(s, plane, &element, 1)) return dgfemi_fail_memory(&hooks);
+    if (!dgfemi_split_set_plane(s, plane, &element, 1)) return dgfemi_fail_memory(own);
     mesh->hooks.log = NULL;
     dgfem_status status = dgfemi_split_faces(s, &f, 1);
     mesh->hooks.log = hooks.log;
-    if (status == DGFEM_ERROR_MEMORY) return dgfemi_fail_memory(&hooks);
+    if (status == DGFEM_ERROR_MEMORY) return dgfemi_fail_memory(own);
     if (status) return DGFEM_OK; /* stays whole, on one side of the edge */
     for (int i = 0; i < s->cut[f].below + s->cut[f].above; i++) {
         if (i == 0) cutter->walls.data[wall] = s->cut[f].first;
-        else if (!dgfemi_push(&hooks, &cutter->walls, s->cut[f].first + i)) return dgfemi_fail_memory(&hooks);
+        else if (!dgfemi_push(own, &cutter->walls, s->cut[f].first + i)) return dgfemi_fail_memory(own);
     }
     return DGFEM_OK;
 }
@@ -461,11 +529,73 @@ static dgfem_status dgfemi_cutter_divide_walls(dgfemi_cutter *cutter) {
     return status;
 }
 
-/* The middle of a face in the world, between both sides. */
-static dgfem_vec3 dgfemi_cutter_middle(const dgfemi_cutter *cutter, const dgfem_face *face) {
-    dgfem_vec3 a = dgfemi_cutter_place(cutter, face->element[0], face->centre);
-    dgfem_vec3 b = dgfemi_cutter_place(cutter, face->element[1], face->centre);
-    return dgfemi_scale(DGFEM_R(0.5), dgfemi_add(a, b));
+/* Whether the polygon passes between the two sides of the point x of a face. */
+static int dgfemi_cutter_passes(const dgfemi_cutter *cutter, const dgfem_face *face, dgfem_vec3 x) {
+    dgfem_vec3 a = dgfemi_cutter_place(cutter, face->element[0], x);
+    dgfem_vec3 b = dgfemi_cutter_place(cutter, face->element[1], x);
+    dgfem_real da = dgfemi_blade_distance(cutter->blade, a), db = dgfemi_blade_distance(cutter->blade, b);
+    dgfem_real t = (da > 0) != (db > 0) ? da / (da - db) : DGFEM_R(0.5);
+    return dgfemi_blade_covers(cutter->blade, dgfemi_add_scaled(a, t, dgfemi_sub(b, a)));
+}
+
+/* Where a line through the face's centre, along `along`, crosses its boundary: splitter.ups, sorted. 1 on success. */
+static int dgfemi_cutter_scan(dgfemi_cutter *cutter, const dgfem_face *face, dgfem_vec3 along) {
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    dgfemi_crossings *crossings = &cutter->splitter.ups; /* free between splits */
+    dgfem_vec3 across = dgfemi_cross(along, face->normal);
+    crossings->count = 0;
+    for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++) {
+        const int *loop = mesh->loop_vertices + mesh->loops[l].start;
+        dgfem_vec3 a, b = dgfemi_sub(mesh->vertices[loop[mesh->loops[l].count - 1]], face->centre);
+        for (int i = 0; i < mesh->loops[l].count; i++) {
+            a = b, b = dgfemi_sub(mesh->vertices[loop[i]], face->centre);
+            dgfem_real ha = dgfemi_dot(across, a), hb = dgfemi_dot(across, b);
+            if ((ha >= 0) == (hb >= 0)) continue;
+            dgfem_vec3 x = dgfemi_add_scaled(a, ha / (ha - hb), dgfemi_sub(b, a));
+            if (!dgfemi_crossing_push(&mesh->hooks, crossings, dgfemi_dot(along, x), 0)) return 0;
+        }
+    }
+    dgfemi_crossings_sort(crossings);
+    return 1;
+}
+
+/* A point inside a face: its centre, or, where that is outside, the middle of the longest part of a line through it. */
+static int dgfemi_cutter_inner_point(dgfemi_cutter *cutter, const dgfem_face *face, dgfem_vec3 *inner) {
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    const dgfemi_crossings *crossings = &cutter->splitter.ups;
+    dgfem_vec3 first = dgfemi_mesh_first_vertex(mesh, (int)(face - mesh->faces));
+    dgfem_vec3 along = dgfemi_normalized(dgfemi_cross(face->normal, dgfemi_sub(first, face->centre)));
+    dgfem_real longest = 0;
+    *inner = face->centre;
+    if (dgfemi_face_covers(mesh, face, face->centre)) return 1;
+    if (!dgfemi_cutter_scan(cutter, face, along)) return 0;
+    for (int i = 0; i + 1 < crossings->count; i += 2) {
+        dgfem_real from = crossings->data[i].t, to = crossings->data[i + 1].t;
+        if (!(to - from > longest)) continue;
+        longest = to - from;
+        *inner = dgfemi_add_scaled(face->centre, (from + to) / 2, along);
+    }
+    return 1;
+}
+
+/* Whether a wall is cut. Caps were divided by the very map that they are seen by: any point inside tells. Strips, divided
+   by the map of one side only, have corners that belong to neither part: they are cut where any part of them is, which
+   takes no more than the jump is wide. */
+static int dgfemi_cutter_is_cut(dgfemi_cutter *cutter, const dgfem_face *face, int *is_cut) {
+    const dgfem_real near = DGFEM_R(0.9); /* of the way to a corner */
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    dgfem_vec3 inner;
+    *is_cut = 1;
+    if (!cutter->blade->polygon) return 1;
+    if (!dgfemi_cutter_inner_point(cutter, face, &inner)) return 0;
+    *is_cut = dgfemi_cutter_passes(cutter, face, inner);
+    if (mesh->elements[face->element[0]].tag == mesh->elements[face->element[1]].tag) return 1;
+    for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++)
+        for (int i = 0; !*is_cut && i < mesh->loops[l].count; i++) {
+            dgfem_vec3 corner = mesh->vertices[mesh->loop_vertices[mesh->loops[l].start + i]];
+            *is_cut = dgfemi_cutter_passes(cutter, face, dgfemi_add_scaled(inner, near, dgfemi_sub(corner, inner)));
+        }
+    return 1;
 }
 
 /* One blade. On failure the edit is of no further use. */
@@ -481,11 +611,129 @@ static dgfem_status dgfemi_cutter_apply(dgfemi_cutter *cutter, const dgfemi_blad
     if (blade->polygon) status = dgfemi_cutter_divide_walls(cutter);
     for (int w = 0; !status && w < cutter->walls.count; w++) {
         dgfem_face *face = &cutter->edit->mesh->faces[cutter->walls.data[w]];
-        if (blade->polygon && !dgfemi_blade_covers(blade, dgfemi_cutter_middle(cutter, face))) continue;
-        face->cut = 1;
-        cutter->faces_cut++;
+        int is_cut = 0;
+        if (!dgfemi_cutter_is_cut(cutter, face, &is_cut)) status = dgfemi_fail_memory(hooks);
+        face->cut = is_cut;
+        cutter->faces_cut += is_cut;
     }
     return status;
+}
+
+/* Whether one of the blades passes between the two sides of a face, at a point of it. */
+static int dgfemi_cutter_parts(const dgfemi_cutter *cutter, const dgfem_face *face, dgfem_vec3 x,
+                               const dgfemi_blade *blades, int count) {
+    dgfem_vec3 a = dgfemi_cutter_place(cutter, face->element[0], x);
+    dgfem_vec3 b = dgfemi_cutter_place(cutter, face->element[1], x);
+    for (int k = 0; k < count; k++) {
+        dgfem_real da = dgfemi_blade_distance(&blades[k], a), db = dgfemi_blade_distance(&blades[k], b);
+        if ((da >= 0) == (db >= 0)) continue;
+        if (dgfemi_blade_covers(&blades[k], dgfemi_add_scaled(a, da / (da - db), dgfemi_sub(b, a)))) return 1;
+    }
+    return 0;
+}
+
+static int dgfemi_blade_is_near(const dgfemi_blade *blade, dgfem_vec3 x, dgfem_real distance) {
+    if (!(dgfemi_abs(dgfemi_blade_distance(blade, x)) <= distance)) return 0;
+    if (dgfemi_blade_covers(blade, x)) return 1;
+    for (int k = 0; k < blade->polygon_count; k++) {
+        dgfem_vec3 to = blade->polygon[k + 1 < blade->polygon_count ? k + 1 : 0];
+        if (dgfemi_distance(dgfemi_nearest_on_segment(blade->polygon[k], to, x), x) <= distance) return 1;
+    }
+    return 0;
+}
+
+/* How far the part of a field that is not affine moves points of the element. */
+static dgfem_real dgfemi_field_bend(const dgfemi_edit *edit, const dgfemi_field *field) {
+    const dgfem_vec3 *u = dgfemi_field_displacement(edit, field);
+    dgfem_real bend = 0;
+    for (int i = 4; i < dgfem_monomial_count(field->degree); i++) bend += dgfemi_norm(u[i]);
+    return bend;
+}
+
+/* Whether a face is no wider than what planes and jumps of its two sides leave undecided, and that near to a blade: a
+   thread of glue that holds nothing. */
+static int dgfemi_cutter_is_thread(const dgfemi_cutter *cutter, int f, dgfem_vec3 inner, const dgfemi_blade *blades,
+                                   int count) {
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    const dgfem_face *face = &mesh->faces[f];
+    int a = face->element[0], b = face->element[1];
+    dgfem_vec3 at = dgfemi_cutter_place(cutter, a, inner), there = dgfemi_cutter_place(cutter, b, inner);
+    dgfem_real jump = 2 * dgfemi_distance(at, there);
+    dgfem_real width = dgfemi_max(jump, cutter->snap * dgfemi_min(mesh->elements[a].radius, mesh->elements[b].radius));
+    width = dgfemi_max(width, dgfemi_field_bend(cutter->edit, dgfemi_field_of(cutter->edit, a)));
+    width = dgfemi_max(width, dgfemi_field_bend(cutter->edit, dgfemi_field_of(cutter->edit, b)));
+    if (!(face->area <= width * dgfemi_face_radius(mesh, face))) return 0;
+    for (int k = 0; k < count; k++)
+        if (dgfemi_blade_is_near(&blades[k], at, width)) return 1;
+    return 0;
+}
+
+/* Where blades meet at an edge, what is left of strips there belongs to none of them alone: a last look at the glue of
+   what was split, for all blades together. 1 on success, 0 when out of memory. */
+static int dgfemi_cutter_seal(dgfemi_cutter *cutter, const dgfemi_blade *blades, int count) {
+    const dgfem_real near = DGFEM_R(0.9); /* of the way to a corner */
+    dgfem_mesh *mesh = cutter->edit->mesh;
+    for (int f = 0; count > 1 && f < mesh->face_count; f++) {
+        dgfem_face *face = &mesh->faces[f];
+        dgfem_vec3 inner;
+        if (face->element[0] == DGFEM_NONE || face->element[1] == DGFEM_NONE || face->cut) continue;
+        if (!cutter->touched[face->element[0]] && !cutter->touched[face->element[1]]) continue;
+        if (!dgfemi_cutter_inner_point(cutter, face, &inner)) return 0;
+        int is_cut = dgfemi_cutter_is_thread(cutter, f, inner, blades, count);
+        if (mesh->elements[face->element[0]].tag != mesh->elements[face->element[1]].tag && !is_cut) {
+            is_cut = dgfemi_cutter_parts(cutter, face, inner, blades, count);
+            for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++)
+                for (int i = 0; !is_cut && i < mesh->loops[l].count; i++) {
+                    dgfem_vec3 corner = mesh->vertices[mesh->loop_vertices[mesh->loops[l].start + i]];
+                    corner = dgfemi_add_scaled(inner, near, dgfemi_sub(corner, inner));
+                    is_cut = dgfemi_cutter_parts(cutter, face, corner, blades, count);
+                }
+        }
+        face->cut = is_cut;
+        cutter->faces_cut += is_cut;
+    }
+    return 1;
+}
+
+/* 1 for a face that this edit has cut. */
+static int dgfemi_cutter_is_new_cut(const dgfemi_cutter *cutter, const dgfem_face *face) {
+    if (face->element[1] == DGFEM_NONE || !face->cut) return 0;
+    return face->tag == DGFEM_NONE || !cutter->edit->body->mesh->faces[face->tag].cut;
+}
+
+/* The neighbour that a part all alone should stay with: see dgfemi_cutter_keeper. */
+static int dgfemi_cutter_last_keeper(const dgfemi_cutter *cutter, int element) {
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    const dgfem_element *e = &mesh->elements[element];
+    dgfem_real area = 0;
+    int keeper = DGFEM_NONE;
+    for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        if (face->element[1] != DGFEM_NONE && !face->cut) return DGFEM_NONE;
+        if (!dgfemi_cutter_is_new_cut(cutter, face) || !(face->area > area)) continue;
+        area = face->area, keeper = face->element[face->element[0] == element];
+    }
+    if (keeper == DGFEM_NONE) return DGFEM_NONE;
+    if (dgfemi_is_sliver_of(mesh, element, mesh->elements[keeper].volume, cutter->sliver) ||
+        dgfemi_mesh_thickness(mesh, element) < cutter->smallest)
+        return keeper;
+    return DGFEM_NONE;
+}
+
+/* Glues crumbs that several blades have left alone to their keepers. */
+static void dgfemi_cutter_glue_crumbs(dgfemi_cutter *cutter) {
+    dgfem_mesh *mesh = cutter->edit->mesh;
+    for (int element = 0; element < mesh->element_count; element++) {
+        const dgfem_element *e = &mesh->elements[element];
+        int keeper = cutter->touched[element] ? dgfemi_cutter_last_keeper(cutter, element) : DGFEM_NONE;
+        for (int k = e->face_start; keeper != DGFEM_NONE && k < e->face_start + e->face_count; k++) {
+            dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+            if (!dgfemi_cutter_is_new_cut(cutter, face)) continue;
+            if (face->element[0] != keeper && face->element[1] != keeper) continue;
+            face->cut = 0;
+            cutter->faces_cut--;
+        }
+    }
 }
 
 /* ---- the cut ---- */
@@ -581,6 +829,8 @@ static dgfem_status dgfemi_body_cut(dgfem_body *body, const dgfemi_blade *blades
     dgfemi_cutter_make(&cutter, &edit);
     cutter.snap = desc->snap, cutter.smallest = desc->smallest, cutter.sliver = desc->sliver;
     for (int b = 0; !status && b < count; b++) status = dgfemi_cutter_apply(&cutter, &blades[b]);
+    if (!status && !dgfemi_cutter_seal(&cutter, blades, count)) status = dgfemi_fail_memory(&body->hooks);
+    if (!status && count > 1) dgfemi_cutter_glue_crumbs(&cutter);
     info->elements_split = cutter.elements_split, info->faces_cut = cutter.faces_cut;
     dgfemi_cutter_free(&cutter);
     if (!status && (desc->sliver > 0 || desc->smallest > 0))
@@ -596,6 +846,7 @@ DGFEM_API dgfem_status dgfem_body_cut_plane(dgfem_body *body, dgfem_plane plane,
     dgfem_cut_desc standard = dgfem_default_cut_desc();
     dgfem_cut_info ignored;
     dgfemi_blade blade;
+    if (info) memset(info, 0, sizeof *info);
     if (!body) return DGFEM_ERROR_ARGUMENT;
     dgfem_status status = dgfemi_check_cut(body, desc ? desc : &standard);
     if (!status) status = dgfemi_split_check_plane(&body->hooks, plane);
@@ -643,17 +894,18 @@ static void dgfemi_blade_set(dgfemi_blade *blade, const dgfem_vec3 *polygon, int
     blade->offset = dgfemi_dot(blade->normal, dgfemi_add(polygon[0], middle));
 }
 
-/* Planar, and no two edges cross or touch but neighbours in their vertex. */
+/* Planar, and no two edges cross. */
 static dgfem_status dgfemi_check_polygon(const dgfem_body *body, const dgfemi_blade *blade) {
     const dgfem_hooks *hooks = &body->hooks;
     const dgfem_real flat = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-3) : DGFEM_R(1e-6);
     int n = blade->polygon_count;
     double a[2], b[2], c[2], d[2];
+    dgfem_real size = 0;
+    for (int i = 1; i < n; i++) size = dgfemi_max(size, dgfemi_distance(blade->polygon[i], blade->polygon[0]));
     if (!(dgfemi_norm(blade->normal) > 0))
         return dgfemi_fail(hooks, DGFEM_ERROR_DEGENERATE, "cut: the polygon has no area");
     for (int i = 0; i < n; i++) {
         dgfem_real distance = dgfemi_blade_distance(blade, blade->polygon[i]);
-        dgfem_real size = dgfemi_distance(blade->polygon[i], blade->polygon[(i + n / 2) % n]);
         if (!(dgfemi_abs(distance) <= flat * size))
             return dgfemi_fail(hooks, DGFEM_ERROR_NOT_PLANAR, "cut: vertex %d of the polygon is %g off its plane", i,
                                (double)distance);
@@ -677,6 +929,7 @@ DGFEM_API dgfem_status dgfem_body_cut_polygon(dgfem_body *body, dgfem_points_in 
     dgfem_cut_info ignored;
     dgfem_vec3 *points = NULL;
     dgfemi_blade blade;
+    if (info) memset(info, 0, sizeof *info);
     if (!body) return DGFEM_ERROR_ARGUMENT;
     dgfem_status status = dgfemi_check_cut(body, desc ? desc : &standard);
     if (!status && polygon.count < 3)
@@ -725,6 +978,7 @@ DGFEM_API dgfem_status dgfem_body_cut_surface(dgfem_body *body, dgfem_points_in 
                                               int triangle_count, const dgfem_cut_desc *desc, dgfem_cut_info *info) {
     dgfem_cut_desc standard = dgfem_default_cut_desc();
     dgfem_cut_info ignored;
+    if (info) memset(info, 0, sizeof *info);
     if (!body) return DGFEM_ERROR_ARGUMENT;
     dgfem_status status = dgfemi_check_cut(body, desc ? desc : &standard);
     if (!status && (triangle_count < 0 || triangle_count > INT_MAX / 3 || (triangle_count > 0 && !triangles)))

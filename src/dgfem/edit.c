@@ -247,6 +247,7 @@ static dgfem_status dgfemi_edit_add_union(dgfemi_edit *edit, dgfem_mesh *merged,
         if (!dgfemi_edit_add_members(edit, &edit->fields[edit->mesh->elements[members[i]].tag], start))
             return dgfemi_fail_memory(hooks);
     field.source = DGFEM_NONE;
+    field.divided = 1;
     field.origin = projection.origin, field.scale = projection.scale;
     field.first = edit->displacement.count;
     field.family = dgfemi_edit_family_of(edit, members, count);
@@ -281,8 +282,12 @@ static dgfem_status dgfemi_edit_add_unions(dgfemi_edit *edit, dgfem_mesh *merged
         members[--start[root + 1]] = e;
     }
     for (int e = 0; e < n; e++) {
-        int first = start[e + 1], end = e + 1 < n ? start[e + 2] : n;
+        int first = start[e + 1], end = e + 1 < n ? start[e + 2] : n, largest = first;
         if (end - first < 2) continue;
+        for (int i = first + 1; i < end; i++) /* comes first: the union takes tag, material and rotation from it */
+            if (edit->mesh->elements[members[i]].volume > edit->mesh->elements[members[largest]].volume) largest = i;
+        int member = members[largest];
+        members[largest] = members[first], members[first] = member;
         dgfem_status status = dgfemi_edit_add_union(edit, merged, e, members + first, end - first);
         if (status) return status;
     }

@@ -238,8 +238,9 @@ typedef struct dgfemi_sampling {
     int *stack;                          /* [elements] */
 } dgfemi_sampling;
 
-static dgfem_real dgfemi_sampling_distance(const dgfemi_sampling *sampling, int element, dgfem_vec3 x) {
-    return dgfemi_box_distance(sampling->locator->lower[element], sampling->locator->upper[element], x);
+/* Squared distance from the element's box. */
+static dgfem_real dgfemi_sampling_square(const dgfemi_sampling *sampling, int element, dgfem_vec3 x) {
+    return dgfemi_box_square(sampling->locator->lower[element], sampling->locator->upper[element], x);
 }
 
 static void dgfemi_sampling_components(dgfemi_sampling *sampling) {
@@ -309,6 +310,7 @@ static void dgfemi_sampling_neighbours(dgfemi_sampling *sampling, int *fill) {
 static void dgfemi_sampling_flood(dgfemi_sampling *sampling, int sample) {
     const dgfem_embedding *embedding = sampling->embedding;
     dgfem_real radius = sampling->radius[sample];
+    dgfem_vec3 x = embedding->samples[sample];
     int depth = 0;
     sampling->stamp++;
     for (int t = embedding->term_start[sample]; t < embedding->term_start[sample + 1]; t++) {
@@ -321,9 +323,8 @@ static void dgfemi_sampling_flood(dgfemi_sampling *sampling, int sample) {
         for (int k = sampling->neighbour_start[e]; k < sampling->neighbour_start[e + 1]; k++) {
             int neighbour = sampling->neighbour[k];
             if (sampling->mark[neighbour] == sampling->stamp) continue;
-            if (!(dgfemi_sampling_distance(sampling, neighbour, embedding->samples[sample]) < radius)) continue;
             sampling->mark[neighbour] = sampling->stamp;
-            sampling->stack[depth++] = neighbour;
+            if (dgfemi_sampling_square(sampling, neighbour, x) < radius * radius) sampling->stack[depth++] = neighbour;
         }
     }
 }
@@ -333,7 +334,7 @@ static void dgfemi_sampling_update_reach(dgfemi_sampling *sampling) {
     for (int s = 0; s < sampling->embedding->sample_count; s++) dgfemi_sampling_flood(sampling, s);
 }
 
-/* 1 on success, 0 when out of memory. */
+/* Without `reach`, which follows when the windows are known. 1 on success, 0 when out of memory. */
 static int dgfemi_sampling_make(dgfemi_arena *arena, const dgfem_mesh *mesh, const dgfem_embedding *embedding,
                                 const dgfemi_locator *locator, dgfemi_sampling *sampling) {
     size_t elements = (size_t)mesh->element_count, terms = (size_t)embedding->term_start[embedding->sample_count];
@@ -361,7 +362,6 @@ static int dgfemi_sampling_make(dgfemi_arena *arena, const dgfem_mesh *mesh, con
         int first = embedding->term_start[s], count = embedding->term_start[s + 1] - first;
         sampling->radius[s] = DGFEM_WINDOW * dgfemi_mean_radius(mesh, embedding->term_element + first, count);
     }
-    dgfemi_sampling_update_reach(sampling);
     return 1;
 }
 
@@ -370,7 +370,8 @@ static int dgfemi_sampling_make(dgfemi_arena *arena, const dgfem_mesh *mesh, con
 typedef struct dgfemi_query {
     dgfemi_sampling *sampling;
     int *element_mark, *sample_mark, stamp; /* query that met the element, the sample last */
-    dgfem_real *way; /* [elements] distance of the farthest element that must be passed to get there, itself included */
+    dgfem_real *way; /* [elements] squared distance of the farthest element that must be passed to get there, itself
+                        included */
     int *heap;       /* [elements] elements to visit, the one with the shortest way on top */
     int heap_count;
     int *visited; /* [elements] in the order of their ways */
@@ -405,7 +406,6 @@ static int dgfemi_query_before(const dgfemi_query *query, int a, int b) {
 
 static void dgfemi_query_push(dgfemi_query *query, int element, dgfem_real way) {
     int i = query->heap_count++;
-    query->element_mark[element] = query->stamp;
     query->way[element] = way;
     while (i > 0 && dgfemi_query_before(query, element, query->heap[(i - 1) / 2])) {
         query->heap[i] = query->heap[(i - 1) / 2];
@@ -429,8 +429,8 @@ static int dgfemi_query_pop(dgfemi_query *query) {
     return top;
 }
 
-static dgfem_real dgfemi_window(dgfem_real q) {
-    dgfem_real square = q * q, rest = 1 - square;
+static dgfem_real dgfemi_window(dgfem_real square) {
+    dgfem_real rest = 1 - square;
     return (dgfem_real)exp(-2 * (double)square) * rest * rest * rest;
 }
 
@@ -439,22 +439,25 @@ static void dgfemi_query_accept(dgfemi_query *query, int element, dgfem_vec3 x) 
     const dgfemi_sampling *sampling = query->sampling;
     for (int i = sampling->element_start[element]; i < sampling->element_start[element + 1]; i++) {
         int s = sampling->element_sample[i];
-        dgfem_real distance;
+        dgfem_real square, limit = sampling->radius[s] * sampling->radius[s];
+        dgfem_vec3 d;
         if (query->sample_mark[s] == query->stamp) continue;
         query->sample_mark[s] = query->stamp;
-        distance = dgfemi_max(query->way[element], dgfemi_distance(sampling->embedding->samples[s], x));
-        if (!(distance < sampling->radius[s])) continue;
-        query->theta[query->count] = dgfemi_window(distance / sampling->radius[s]);
+        d = dgfemi_sub(sampling->embedding->samples[s], x);
+        square = dgfemi_max(query->way[element], dgfemi_dot(d, d));
+        if (!(square < limit)) continue;
+        query->theta[query->count] = dgfemi_window(square / limit);
         query->sample[query->count++] = s;
     }
 }
 
 /* Finds the samples that reach x from the element `home`: elements are visited in the order of their ways, the way of a
-   neighbour being max(way, distance from x to the neighbour's box). */
+   neighbour being max(way, distance from x to the neighbour's box). The first way to an element is its shortest one. */
 static void dgfemi_query_run(dgfemi_query *query, int home, dgfem_vec3 x) {
     const dgfemi_sampling *sampling = query->sampling;
     query->stamp++;
     query->count = query->heap_count = query->visited_count = 0;
+    query->element_mark[home] = query->stamp;
     dgfemi_query_push(query, home, 0);
     while (query->heap_count > 0) {
         int e = dgfemi_query_pop(query);
@@ -464,8 +467,10 @@ static void dgfemi_query_run(dgfemi_query *query, int home, dgfem_vec3 x) {
             int neighbour = sampling->neighbour[k];
             dgfem_real way;
             if (query->element_mark[neighbour] == query->stamp) continue;
-            way = dgfemi_max(query->way[e], dgfemi_sampling_distance(sampling, neighbour, x));
-            if (way < sampling->reach[neighbour]) dgfemi_query_push(query, neighbour, way);
+            query->element_mark[neighbour] = query->stamp;
+            way = dgfemi_max(query->way[e], dgfemi_sampling_square(sampling, neighbour, x));
+            if (way < sampling->reach[neighbour] * sampling->reach[neighbour])
+                dgfemi_query_push(query, neighbour, way);
         }
     }
 }
@@ -488,6 +493,7 @@ static dgfem_vec3 dgfemi_query_offset(const dgfemi_query *query, int i, dgfem_ve
 }
 
 static void dgfemi_query_fit(const dgfemi_query *query, dgfem_vec3 x, dgfemi_fit *fit) {
+    dgfem_real xx = 0, yy = 0, zz = 0, xy = 0, xz = 0, yz = 0;
     dgfem_mat3 c;
     memset(fit, 0, sizeof *fit);
     for (int i = 0; i < query->count; i++) {
@@ -496,11 +502,14 @@ static void dgfemi_query_fit(const dgfemi_query *query, dgfem_vec3 x, dgfemi_fit
     }
     if (!(fit->weight > 0)) return;
     fit->mean = dgfemi_scale(1 / fit->weight, fit->mean);
-    memset(&c, 0, sizeof c);
     for (int i = 0; i < query->count; i++) {
         dgfem_vec3 d = dgfemi_sub(dgfemi_query_offset(query, i, x), fit->mean);
-        dgfemi_add_outer(&c, query->theta[i], d, d);
+        dgfem_vec3 t = dgfemi_scale(query->theta[i], d);
+        xx += t.x * d.x, yy += t.y * d.y, zz += t.z * d.z;
+        xy += t.x * d.y, xz += t.x * d.z, yz += t.y * d.z;
     }
+    c.m[0][0] = xx, c.m[1][1] = yy, c.m[2][2] = zz;
+    c.m[0][1] = c.m[1][0] = xy, c.m[0][2] = c.m[2][0] = xz, c.m[1][2] = c.m[2][1] = yz;
     dgfem_eigen_symmetric(c, fit->moment, &fit->axes);
 }
 
@@ -566,16 +575,17 @@ static void dgfemi_query_normalize(dgfemi_query *query) {
     query->count = kept;
 }
 
-/* Samples in ascending order: points that share samples read them alike. Insertion sort of some fifty. */
-static void dgfemi_query_sort(dgfemi_query *query) {
-    for (int i = 1; i < query->count; i++) {
-        int sample = query->sample[i], j = i;
-        dgfem_real theta = query->theta[i];
-        for (; j > 0 && query->sample[j - 1] > sample; j--) {
-            query->sample[j] = query->sample[j - 1];
-            query->theta[j] = query->theta[j - 1];
+/* Samples in ascending order, each with its value: points that share samples read them alike. Shell's sort of some
+   fifty. */
+static void dgfemi_sort_samples(int *samples, dgfem_real *values, int count) {
+    int gap = 1;
+    while (gap < count / 3) gap = 3 * gap + 1;
+    for (; gap > 0; gap /= 3)
+        for (int i = gap; i < count; i++) {
+            int sample = samples[i], j = i;
+            dgfem_real value = values[i];
+            for (; j >= gap && samples[j - gap] > sample; j -= gap)
+                samples[j] = samples[j - gap], values[j] = values[j - gap];
+            samples[j] = sample, values[j] = value;
         }
-        query->sample[j] = sample;
-        query->theta[j] = theta;
-    }
 }

@@ -3,7 +3,7 @@
 /* Embedding of points, second part: where each point sits, windows large enough for all, weights; what an earlier
    embedding leaves to be kept; evaluation. */
 
-/* ---- the embedding of points ---- */
+/* ---- the places of points ---- */
 
 /* Where the windows of a point are evaluated: at the point, but not far outside its element. The affine fit extends to
    the point itself, so linear fields are reproduced wherever it is. */
@@ -12,93 +12,6 @@ static dgfem_vec3 dgfemi_window_position(const dgfem_mesh *mesh, const dgfemi_lo
     if (!(location->distance > limit)) return x;
     return dgfemi_add_scaled(location->nearest, limit / location->distance, dgfemi_sub(x, location->nearest));
 }
-
-/* Whether the samples that reach x, `round` enlargements on, determine the fit. */
-static int dgfemi_query_is_served(const dgfemi_query *query, int home, dgfem_vec3 x, int round) {
-    const dgfemi_sampling *sampling = query->sampling;
-    dgfemi_fit fit;
-    if (query->count == sampling->component_samples[sampling->component[home]]) return 1; /* there are no more */
-    if (query->count < DGFEM_MIN_POINT_SAMPLES) return 0;
-    if (round >= DGFEM_CONDITION_ROUNDS) return 1;
-    dgfemi_query_fit(query, x, &fit);
-    return fit.moment[0] * DGFEM_MAX_CONDITION > fit.moment[2];
-}
-
-static void dgfemi_mark_samples(const dgfemi_sampling *sampling, int element, char *enlarge) {
-    for (int i = sampling->element_start[element]; i < sampling->element_start[element + 1]; i++)
-        enlarge[sampling->element_sample[i]] = 1;
-}
-
-/* Marks the samples of the elements that the query has visited and of their neighbours. */
-static void dgfemi_query_mark(const dgfemi_query *query, char *enlarge) {
-    const dgfemi_sampling *sampling = query->sampling;
-    for (int i = 0; i < query->visited_count; i++) {
-        int e = query->visited[i];
-        dgfemi_mark_samples(sampling, e, enlarge);
-        for (int k = sampling->neighbour_start[e]; k < sampling->neighbour_start[e + 1]; k++)
-            dgfemi_mark_samples(sampling, sampling->neighbour[k], enlarge);
-    }
-}
-
-/* Enlarges the windows of the samples around poorly served points, once per round, until all points are served. `open`
-   marks the points still to be looked at, `enlarge` is room for marks of the samples. */
-static void dgfemi_enlarge_windows(dgfemi_query *query, const dgfem_embedding *embedding, const dgfem_vec3 *windows,
-                                   char *open, char *enlarge) {
-    dgfemi_sampling *sampling = query->sampling;
-    for (int round = 0; round < DGFEM_MAX_ROUNDS; round++) {
-        int poor = 0;
-        memset(enlarge, 0, (size_t)embedding->sample_count);
-        for (int p = 0; p < embedding->point_count; p++) {
-            if (!open[p]) continue;
-            dgfemi_query_run(query, embedding->point_element[p], windows[p]);
-            open[p] = !dgfemi_query_is_served(query, embedding->point_element[p], windows[p], round);
-            if (!open[p]) continue;
-            poor++;
-            dgfemi_query_mark(query, enlarge);
-        }
-        if (poor == 0) return;
-        for (int s = 0; s < embedding->sample_count; s++)
-            if (enlarge[s]) sampling->radius[s] *= DGFEM_ENLARGE;
-        dgfemi_sampling_update_reach(sampling);
-    }
-}
-
-/* Appends the query's samples and weights as those of the next point. 1 on success. */
-static int dgfemi_embedding_append(dgfem_embedding *embedding, const dgfemi_query *query, int point,
-                                   int *sample_capacity, int *weight_capacity) {
-    int first = embedding->weight_start[point], needed = first + query->count;
-    if (query->count > INT_MAX - first) return 0;
-    if (needed > *sample_capacity) {
-        void *grown = dgfemi_grow(&embedding->hooks, embedding->weight_sample, sample_capacity, needed, sizeof(int));
-        if (!grown) return 0;
-        embedding->weight_sample = (int *)grown;
-    }
-    if (needed > *weight_capacity) {
-        void *grown = dgfemi_grow(&embedding->hooks, embedding->weight, weight_capacity, needed, sizeof(dgfem_real));
-        if (!grown) return 0;
-        embedding->weight = (dgfem_real *)grown;
-    }
-    memcpy(embedding->weight_sample + first, query->sample, (size_t)query->count * sizeof(int));
-    memcpy(embedding->weight + first, query->weight, (size_t)query->count * sizeof(dgfem_real));
-    embedding->weight_start[point + 1] = needed;
-    return 1;
-}
-
-/* ---- what an earlier embedding leaves ----
-
-   After a change of topology most weights are as they were. An element is the same if it has the same centre and as
-   many glued faces, a sample if it has the same place and elements. A point keeps its weights if its place, its element and
-   its samples are the same, and neither a changed element nor a new sample lies within reach. */
-
-typedef struct dgfemi_reuse {
-    const dgfem_embedding *old;
-    int *old_element;   /* [elements] DGFEM_NONE: changed */
-    int *new_element;   /* [old elements] */
-    int *new_sample;    /* [old samples] DGFEM_NONE: gone */
-    char *known;        /* [samples] 1: an old one */
-    dgfem_real *radius; /* [samples] before any was enlarged */
-    char *keep;         /* [points] */
-} dgfemi_reuse;
 
 static uint64_t dgfemi_hash_position(dgfem_vec3 x) {
     uint64_t hash = 0;
@@ -113,41 +26,172 @@ static uint64_t dgfemi_hash_position(dgfem_vec3 x) {
 
 static int dgfemi_same_position(dgfem_vec3 a, dgfem_vec3 b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
 
+/* Which elements are those of an earlier embedding: the same centre and as many glued faces. */
+typedef struct dgfemi_kinship {
+    int *old_element; /* [elements] DGFEM_NONE: changed */
+    int *new_element; /* [old elements] DGFEM_NONE: changed or gone */
+} dgfemi_kinship;
+
+static void dgfemi_kinship_match(const dgfem_mesh *mesh, const dgfem_embedding *old, const int *glue,
+                                 const dgfemi_buckets *buckets, dgfemi_kinship *kinship) {
+    for (int e = 0; e < mesh->element_count; e++) {
+        dgfem_vec3 centre = mesh->elements[e].centre;
+        int i = dgfemi_buckets_first(buckets, dgfemi_hash_position(centre));
+        while (i != DGFEM_NONE &&
+               (!dgfemi_same_position(old->element_centre[i], centre) || old->element_glue[i] != glue[e]))
+            i = buckets->next[i];
+        kinship->old_element[e] = i;
+        if (i != DGFEM_NONE) kinship->new_element[i] = e;
+    }
+}
+
+/* 1 on success, 0 when out of memory. */
+static int dgfemi_kinship_make(dgfemi_arena *arena, const dgfem_mesh *mesh, const dgfem_embedding *old,
+                               dgfemi_kinship *kinship) {
+    const dgfem_hooks *hooks = &old->hooks;
+    int *glue = (int *)dgfemi_arena_allocate_zero(arena, (size_t)mesh->element_count, sizeof(int));
+    dgfemi_buckets buckets;
+    int ok;
+    kinship->old_element = (int *)dgfemi_arena_allocate(arena, (size_t)mesh->element_count, sizeof(int));
+    kinship->new_element = (int *)dgfemi_arena_allocate(arena, (size_t)old->element_count, sizeof(int));
+    if (!glue || !kinship->old_element || !kinship->new_element) return 0;
+    for (int f = 0; f < mesh->face_count; f++) {
+        const dgfem_face *face = &mesh->faces[f];
+        if (face->element[1] != DGFEM_NONE && !face->cut) glue[face->element[0]]++, glue[face->element[1]]++;
+    }
+    memset(&buckets, 0, sizeof buckets);
+    ok = dgfemi_buckets_reset(hooks, &buckets, old->element_count);
+    for (int e = 0; ok && e < old->element_count; e++) {
+        kinship->new_element[e] = DGFEM_NONE;
+        ok = dgfemi_buckets_insert(hooks, &buckets, e, dgfemi_hash_position(old->element_centre[e]));
+    }
+    if (ok) dgfemi_kinship_match(mesh, old, glue, &buckets, kinship);
+    dgfemi_buckets_free(hooks, &buckets);
+    return ok;
+}
+
+/* Where points are reached from. */
+typedef struct dgfemi_places {
+    int *element;       /* [points] */
+    dgfem_vec3 *window; /* [points] where windows are evaluated */
+} dgfemi_places;
+
+/* 1 on success, 0 when out of memory. */
+static int dgfemi_places_allocate(dgfemi_arena *arena, int count, dgfemi_places *places) {
+    places->element = (int *)dgfemi_arena_allocate(arena, (size_t)count, sizeof(int));
+    places->window = (dgfem_vec3 *)dgfemi_arena_allocate(arena, (size_t)count, sizeof(dgfem_vec3));
+    return places->element && places->window;
+}
+
+/* Points stay in elements that have stayed; others are reached from the element at their anchor, or where they have
+   none (`anchors` may be NULL), at the point. `old`, of the same first points, and its kinship may be NULL. */
+static void dgfemi_places_find(dgfemi_locator *locator, const dgfem_vec3 *points, const dgfem_vec3 *anchors, int count,
+                               const dgfem_embedding *old, const dgfemi_kinship *kinship, dgfemi_places *places) {
+    const dgfem_mesh *mesh = locator->mesh;
+    for (int p = 0; p < count; p++) {
+        int home = DGFEM_NONE;
+        dgfemi_location location;
+        if (old && p < old->point_count && dgfemi_same_position(points[p], old->points[p]))
+            home = kinship->new_element[old->point_element[p]];
+        if (home != DGFEM_NONE) {
+            places->element[p] = home, places->window[p] = old->point_window[p];
+            continue;
+        }
+        location = dgfemi_locate(locator, anchors ? anchors[p] : points[p]);
+        if (anchors && !dgfemi_same_position(anchors[p], points[p]))
+            location = dgfemi_locate_in(mesh, location.element, points[p]);
+        places->element[p] = location.element;
+        places->window[p] = dgfemi_window_position(mesh, &location, points[p]);
+    }
+}
+
+/* ---- what an earlier embedding leaves ----
+
+   After a change of topology most weights are as they were. A sample is the same if it has the same place and elements;
+   it keeps the window that it had, so that weights around it do not change without a cause: where a window was enlarged
+   for the sake of a point that is better off now, it stays large. A point keeps its weights if its place, its element
+   and its samples are the same, and neither a changed element nor a new sample lies within reach. What does not keep its
+   weights gets new ones from all samples alike: the weights of a point never depend on what other points keep. */
+
+/* A box that changes weights within `limit` of it, but not nearer than `from`. */
+typedef struct dgfemi_disturbance {
+    dgfem_vec3 lower, upper;
+    dgfem_real from, limit;
+} dgfemi_disturbance;
+
+/* Points by their elements. */
+typedef struct dgfemi_crowds {
+    int *start, *point;        /* points of each element */
+    dgfem_vec3 *lower, *upper; /* [elements] box of their windows */
+} dgfemi_crowds;
+
+static int dgfemi_crowds_make(dgfemi_arena *arena, const dgfem_embedding *embedding, int element_count,
+                              dgfemi_crowds *crowds) {
+    size_t elements = (size_t)element_count;
+    crowds->start = (int *)dgfemi_arena_allocate_zero(arena, elements + 1, sizeof(int));
+    crowds->point = (int *)dgfemi_arena_allocate(arena, (size_t)embedding->point_count, sizeof(int));
+    crowds->lower = (dgfem_vec3 *)dgfemi_arena_allocate(arena, elements, sizeof(dgfem_vec3));
+    crowds->upper = (dgfem_vec3 *)dgfemi_arena_allocate(arena, elements, sizeof(dgfem_vec3));
+    if (!crowds->start || !crowds->point || !crowds->lower || !crowds->upper) return 0;
+    for (int p = 0; p < embedding->point_count; p++) {
+        int e = embedding->point_element[p];
+        dgfem_vec3 x = embedding->point_window[p];
+        crowds->lower[e] = crowds->start[e] ? dgfemi_min3(crowds->lower[e], x) : x;
+        crowds->upper[e] = crowds->start[e] ? dgfemi_max3(crowds->upper[e], x) : x;
+        crowds->start[e]++;
+    }
+    for (int e = 0; e < element_count; e++) crowds->start[e + 1] += crowds->start[e]; /* filled from their ends */
+    for (int p = embedding->point_count - 1; p >= 0; p--)
+        crowds->point[--crowds->start[embedding->point_element[p]]] = p;
+    return 1;
+}
+
+/* Clears `calm` for the points that are disturbed. */
+static void dgfemi_crowds_disturb(const dgfemi_crowds *crowds, const dgfem_embedding *embedding, int element_count,
+                                  const dgfemi_disturbance *d, char *calm) {
+    dgfem_real from = d->from * d->from, limit = d->limit * d->limit;
+    for (int e = 0; e < element_count; e++) {
+        dgfem_vec3 near = dgfemi_min3(dgfemi_max3(d->lower, crowds->lower[e]), crowds->upper[e]);
+        if (crowds->start[e] == crowds->start[e + 1]) continue;
+        if (!(dgfemi_box_square(d->lower, d->upper, near) < limit)) continue;
+        for (int i = crowds->start[e]; i < crowds->start[e + 1]; i++) {
+            int p = crowds->point[i];
+            dgfem_real square;
+            if (!calm[p]) continue;
+            square = dgfemi_box_square(d->lower, d->upper, embedding->point_window[p]);
+            if (square >= from && square < limit) calm[p] = 0;
+        }
+    }
+}
+
+typedef struct dgfemi_reuse {
+    const dgfem_embedding *old;
+    dgfemi_kinship kinship;
+    int *new_sample; /* [old samples] DGFEM_NONE: gone */
+    char *known;     /* [samples] 1: an old one */
+    char *keep;      /* [points] */
+} dgfemi_reuse;
+
 /* Notes what a later embedding compares with. 1 on success. */
 static int dgfemi_embedding_sign(dgfem_embedding *embedding, const dgfemi_sampling *sampling) {
     const dgfem_mesh *mesh = sampling->mesh;
     const dgfem_hooks *hooks = &embedding->hooks;
+    size_t elements = (size_t)mesh->element_count;
     embedding->sample_radius =
         (dgfem_real *)dgfemi_duplicate(hooks, sampling->radius, (size_t)embedding->sample_count, sizeof(dgfem_real));
     embedding->element_count = mesh->element_count;
-    embedding->element_centre = (dgfem_vec3 *)dgfemi_allocate(hooks, (size_t)mesh->element_count, sizeof(dgfem_vec3));
-    embedding->element_glue = (int *)dgfemi_allocate(hooks, (size_t)mesh->element_count, sizeof(int));
-    if (!embedding->sample_radius || !embedding->element_centre || !embedding->element_glue) return 0;
+    embedding->element_centre = (dgfem_vec3 *)dgfemi_allocate(hooks, elements, sizeof(dgfem_vec3));
+    embedding->element_glue = (int *)dgfemi_allocate(hooks, elements, sizeof(int));
+    embedding->element_box = (dgfem_vec3 *)dgfemi_allocate(hooks, 2 * elements, sizeof(dgfem_vec3));
+    embedding->element_reach = (dgfem_real *)dgfemi_duplicate(hooks, sampling->reach, elements, sizeof(dgfem_real));
+    if (!embedding->sample_radius || !embedding->element_centre || !embedding->element_glue ||
+        !embedding->element_box || !embedding->element_reach)
+        return 0;
     for (int e = 0; e < mesh->element_count; e++) {
         embedding->element_centre[e] = mesh->elements[e].centre;
         embedding->element_glue[e] = sampling->neighbour_start[e + 1] - sampling->neighbour_start[e];
-    }
-    return 1;
-}
-
-/* Finds the elements that are the same. */
-static int dgfemi_reuse_match_elements(dgfemi_reuse *reuse, const dgfemi_sampling *sampling, dgfemi_buckets *buckets) {
-    const dgfem_embedding *old = reuse->old;
-    const dgfem_mesh *mesh = sampling->mesh;
-    const dgfem_hooks *hooks = &sampling->embedding->hooks;
-    if (!dgfemi_buckets_reset(hooks, buckets, old->element_count)) return 0;
-    for (int e = 0; e < old->element_count; e++) {
-        reuse->new_element[e] = DGFEM_NONE;
-        if (!dgfemi_buckets_insert(hooks, buckets, e, dgfemi_hash_position(old->element_centre[e]))) return 0;
-    }
-    for (int e = 0; e < mesh->element_count; e++) {
-        int glue = sampling->neighbour_start[e + 1] - sampling->neighbour_start[e];
-        int i = dgfemi_buckets_first(buckets, dgfemi_hash_position(mesh->elements[e].centre));
-        while (i != DGFEM_NONE && (!dgfemi_same_position(old->element_centre[i], mesh->elements[e].centre) ||
-                                   old->element_glue[i] != glue))
-            i = buckets->next[i];
-        reuse->old_element[e] = i;
-        if (i != DGFEM_NONE) reuse->new_element[i] = e;
+        embedding->element_box[2 * e] = sampling->locator->lower[e];
+        embedding->element_box[2 * e + 1] = sampling->locator->upper[e];
     }
     return 1;
 }
@@ -157,7 +201,7 @@ static int dgfemi_reuse_same_terms(const dgfemi_reuse *reuse, const dgfem_embedd
     const int *terms = embedding->term_start, *old_terms = reuse->old->term_start;
     if (terms[sample + 1] - terms[sample] != old_terms[old + 1] - old_terms[old]) return 0;
     for (int i = old_terms[old]; i < old_terms[old + 1]; i++) {
-        int element = reuse->new_element[reuse->old->term_element[i]], found = 0;
+        int element = reuse->kinship.new_element[reuse->old->term_element[i]], found = 0;
         for (int t = terms[sample]; t < terms[sample + 1]; t++) found |= embedding->term_element[t] == element;
         if (!found) return 0;
     }
@@ -183,102 +227,269 @@ static int dgfemi_reuse_match_samples(dgfemi_reuse *reuse, dgfemi_sampling *samp
         reuse->new_sample[i] = s;
         sampling->radius[s] = old->sample_radius[i];
     }
-    memcpy(reuse->radius, sampling->radius, (size_t)embedding->sample_count * sizeof(dgfem_real));
     return 1;
 }
 
-/* Whether nothing that has changed reaches a place. */
-static int dgfemi_reuse_is_quiet(const dgfemi_reuse *reuse, const dgfemi_sampling *sampling, dgfem_real reach,
-                                 dgfem_vec3 x) {
-    const dgfem_embedding *embedding = sampling->embedding;
-    for (int e = 0; e < sampling->mesh->element_count; e++)
-        if (reuse->old_element[e] == DGFEM_NONE && dgfemi_sampling_distance(sampling, e, x) < reach) return 0;
-    for (int s = 0; s < embedding->sample_count; s++)
-        if (!reuse->known[s] && dgfemi_distance(embedding->samples[s], x) < sampling->radius[s]) return 0;
-    return 1;
-}
-
-static int dgfemi_reuse_has_samples(const dgfemi_reuse *reuse, int point) {
-    for (int i = reuse->old->weight_start[point]; i < reuse->old->weight_start[point + 1]; i++)
-        if (reuse->new_sample[reuse->old->weight_sample[i]] == DGFEM_NONE) return 0;
-    return 1;
-}
-
-/* Decides which points keep their weights. 1 on success. */
-static int dgfemi_reuse_make(dgfemi_arena *arena, dgfemi_reuse *reuse, dgfemi_sampling *sampling,
-                             const dgfem_vec3 *windows) {
-    const dgfem_embedding *old = reuse->old, *embedding = sampling->embedding;
-    size_t elements = (size_t)sampling->mesh->element_count, samples = (size_t)embedding->sample_count;
-    dgfemi_buckets buckets;
-    dgfem_real reach = 0;
-    int ok;
-    reuse->old_element = (int *)dgfemi_arena_allocate(arena, elements, sizeof(int));
-    reuse->new_element = (int *)dgfemi_arena_allocate(arena, (size_t)old->element_count, sizeof(int));
-    reuse->new_sample = (int *)dgfemi_arena_allocate(arena, (size_t)old->sample_count, sizeof(int));
-    reuse->known = (char *)dgfemi_arena_allocate(arena, samples, 1);
-    reuse->radius = (dgfem_real *)dgfemi_arena_allocate(arena, samples, sizeof(dgfem_real));
-    if (!reuse->old_element || !reuse->new_element || !reuse->new_sample || !reuse->known || !reuse->radius) return 0;
-    memset(&buckets, 0, sizeof buckets);
-    ok =
-        dgfemi_reuse_match_elements(reuse, sampling, &buckets) && dgfemi_reuse_match_samples(reuse, sampling, &buckets);
-    dgfemi_buckets_free(&embedding->hooks, &buckets);
-    if (!ok) return 0;
-    dgfemi_sampling_update_reach(sampling);
-    for (int s = 0; s < embedding->sample_count; s++) reach = dgfemi_max(reach, sampling->radius[s]);
-    for (int p = 0; p < embedding->point_count && p < old->point_count; p++)
-        reuse->keep[p] = reuse->old_element[embedding->point_element[p]] == old->point_element[p] &&
-                         dgfemi_same_position(embedding->points[p], old->points[p]) &&
-                         dgfemi_reuse_has_samples(reuse, p) &&
-                         dgfemi_reuse_is_quiet(reuse, sampling, reach, windows[p]);
-    return 1;
-}
-
-/* Windows that have grown since may reach further points. */
-static void dgfemi_reuse_revise(dgfemi_reuse *reuse, const dgfemi_sampling *sampling, const dgfem_vec3 *windows) {
-    const dgfem_embedding *embedding = sampling->embedding;
-    for (int s = 0; s < embedding->sample_count; s++) {
-        if (!(sampling->radius[s] > reuse->radius[s])) continue;
-        for (int p = 0; p < embedding->point_count; p++)
-            if (dgfemi_distance(embedding->samples[s], windows[p]) < sampling->radius[s]) reuse->keep[p] = 0;
-    }
-}
-
-/* The old weights of a point, as if they had been computed. */
-static void dgfemi_reuse_weights(const dgfemi_reuse *reuse, int point, dgfemi_query *query) {
+/* Whether a point could keep its weights for all that it knows itself. */
+static int dgfemi_reuse_is_same(const dgfemi_reuse *reuse, const dgfem_embedding *embedding, int point) {
     const dgfem_embedding *old = reuse->old;
-    query->count = 0;
-    for (int i = old->weight_start[point]; i < old->weight_start[point + 1]; i++) {
-        query->sample[query->count] = reuse->new_sample[old->weight_sample[i]];
-        query->theta[query->count++] = old->weight[i];
-    }
-    dgfemi_query_sort(query);
-    memcpy(query->weight, query->theta, (size_t)query->count * sizeof(dgfem_real));
+    if (reuse->kinship.old_element[embedding->point_element[point]] != old->point_element[point]) return 0;
+    if (!dgfemi_same_position(embedding->points[point], old->points[point])) return 0;
+    if (!dgfemi_same_position(embedding->point_window[point], old->point_window[point])) return 0;
+    for (int i = old->weight_start[point]; i < old->weight_start[point + 1]; i++)
+        if (reuse->new_sample[old->weight_sample[i]] == DGFEM_NONE) return 0;
+    return 1;
 }
 
-/* Weights of all points, kept or new. 1 on success, 0 when out of memory. */
-static int dgfemi_embedding_weigh(dgfemi_query *query, dgfem_embedding *embedding, const dgfem_vec3 *windows,
-                                  const dgfemi_reuse *reuse) {
-    int sample_capacity = 0, weight_capacity = 0;
-    embedding->weight_start[0] = 0;
+/* A sample of a changed element reaches no further than the element does. */
+static int dgfemi_reuse_disturbs(const dgfemi_reuse *reuse, const dgfem_embedding *embedding, int sample) {
+    if (reuse->known[sample]) return 0;
+    for (int t = embedding->term_start[sample]; t < embedding->term_start[sample + 1]; t++)
+        if (reuse->kinship.old_element[embedding->term_element[t]] == DGFEM_NONE) return 0;
+    return 1;
+}
+
+/* Lets go of the weights that elements come or gone and new samples reach. */
+static void dgfemi_reuse_disturb(dgfemi_reuse *reuse, const dgfemi_sampling *sampling, const dgfemi_crowds *crowds) {
+    const dgfem_embedding *old = reuse->old, *embedding = sampling->embedding;
+    int elements = sampling->mesh->element_count;
+    dgfemi_disturbance d;
+    d.from = 0;
+    for (int e = 0; e < elements; e++) {
+        if (reuse->kinship.old_element[e] != DGFEM_NONE) continue;
+        d.lower = sampling->locator->lower[e], d.upper = sampling->locator->upper[e], d.limit = sampling->reach[e];
+        dgfemi_crowds_disturb(crowds, embedding, elements, &d, reuse->keep);
+    }
+    for (int e = 0; e < old->element_count; e++) {
+        if (reuse->kinship.new_element[e] != DGFEM_NONE) continue;
+        d.lower = old->element_box[2 * e], d.upper = old->element_box[2 * e + 1], d.limit = old->element_reach[e];
+        dgfemi_crowds_disturb(crowds, embedding, elements, &d, reuse->keep);
+    }
+    for (int s = 0; s < embedding->sample_count; s++) {
+        if (!dgfemi_reuse_disturbs(reuse, embedding, s)) continue;
+        d.lower = d.upper = embedding->samples[s], d.limit = sampling->radius[s];
+        dgfemi_crowds_disturb(crowds, embedding, elements, &d, reuse->keep);
+    }
+}
+
+/* Finds the samples that are the same. 1 on success. */
+static int dgfemi_reuse_make(dgfemi_arena *arena, dgfemi_reuse *reuse, dgfemi_sampling *sampling) {
+    dgfemi_buckets buckets;
+    int ok;
+    reuse->new_sample = (int *)dgfemi_arena_allocate(arena, (size_t)reuse->old->sample_count, sizeof(int));
+    reuse->known = (char *)dgfemi_arena_allocate(arena, (size_t)sampling->embedding->sample_count, 1);
+    if (!reuse->new_sample || !reuse->known) return 0;
+    memset(&buckets, 0, sizeof buckets);
+    ok = dgfemi_reuse_match_samples(reuse, sampling, &buckets);
+    dgfemi_buckets_free(&sampling->embedding->hooks, &buckets);
+    return ok;
+}
+
+/* ---- the embedding of points ---- */
+
+/* Weights made anew, in the order in which they were. */
+typedef struct dgfemi_weights {
+    const dgfem_hooks *hooks;
+    int *sample;
+    dgfem_real *weight;
+    int used, sample_capacity, weight_capacity;
+    int *first, *count; /* [points] */
+    char *open;         /* [points] 1: has no weights yet */
+} dgfemi_weights;
+
+/* The query's samples and weights become those of the point. 1 on success. */
+static int dgfemi_weights_append(dgfemi_weights *weights, const dgfemi_query *query, int point) {
+    int needed = weights->used + query->count;
+    if (query->count > INT_MAX - weights->used) return 0;
+    if (needed > weights->sample_capacity) {
+        void *grown =
+            dgfemi_grow(weights->hooks, weights->sample, &weights->sample_capacity, needed, sizeof(int));
+        if (!grown) return 0;
+        weights->sample = (int *)grown;
+    }
+    if (needed > weights->weight_capacity) {
+        void *grown =
+            dgfemi_grow(weights->hooks, weights->weight, &weights->weight_capacity, needed, sizeof(dgfem_real));
+        if (!grown) return 0;
+        weights->weight = (dgfem_real *)grown;
+    }
+    memcpy(weights->sample + weights->used, query->sample, (size_t)query->count * sizeof(int));
+    memcpy(weights->weight + weights->used, query->weight, (size_t)query->count * sizeof(dgfem_real));
+    weights->first[point] = weights->used, weights->count[point] = query->count;
+    weights->open[point] = 0;
+    weights->used = needed;
+    return 1;
+}
+
+/* Weighs a point if the samples that reach it, `round` enlargements on, determine the fit; else it stays open. 1 on
+   success, 0 when out of memory. */
+static int dgfemi_weights_try(dgfemi_weights *weights, dgfemi_query *query, int point, int round) {
+    const dgfemi_sampling *sampling = query->sampling;
+    const dgfem_embedding *embedding = sampling->embedding;
+    dgfem_vec3 x = embedding->points[point];
+    int home = embedding->point_element[point], found;
+    dgfemi_fit fit;
+    dgfemi_query_run(query, home, embedding->point_window[point]);
+    found = round >= DGFEM_MAX_ROUNDS ||
+            query->count == sampling->component_samples[sampling->component[home]]; /* there are no more */
+    if (!found && query->count < DGFEM_MIN_POINT_SAMPLES) return 1;
+    dgfemi_query_normalize(query);
+    dgfemi_sort_samples(query->sample, query->theta, query->count);
+    dgfemi_query_fit(query, x, &fit);
+    if (!found && round < DGFEM_CONDITION_ROUNDS && !(fit.moment[0] * DGFEM_MAX_CONDITION > fit.moment[2])) return 1;
+    if (dgfemi_fit_is_flat(&fit)) {
+        dgfemi_query_take_element(query, home);
+        dgfemi_query_fit(query, x, &fit);
+    }
+    dgfemi_query_weights(query, &fit, x);
+    return dgfemi_weights_append(weights, query, point);
+}
+
+static void dgfemi_mark_samples(const dgfemi_sampling *sampling, int element, char *enlarge) {
+    for (int i = sampling->element_start[element]; i < sampling->element_start[element + 1]; i++)
+        enlarge[sampling->element_sample[i]] = 1;
+}
+
+/* Marks the samples of the elements that the query has visited and of their neighbours. */
+static void dgfemi_query_mark(const dgfemi_query *query, char *enlarge) {
+    const dgfemi_sampling *sampling = query->sampling;
+    for (int i = 0; i < query->visited_count; i++) {
+        int e = query->visited[i];
+        dgfemi_mark_samples(sampling, e, enlarge);
+        for (int k = sampling->neighbour_start[e]; k < sampling->neighbour_start[e + 1]; k++)
+            dgfemi_mark_samples(sampling, sampling->neighbour[k], enlarge);
+    }
+}
+
+static void dgfemi_sampling_enlarge(dgfemi_sampling *sampling, const char *enlarge) {
+    for (int s = 0; s < sampling->embedding->sample_count; s++) {
+        if (!enlarge[s]) continue;
+        sampling->radius[s] *= DGFEM_ENLARGE;
+        dgfemi_sampling_flood(sampling, s);
+    }
+}
+
+/* Opens the points that enlarged windows reach, and those that see through elements that nothing saw through before. */
+static void dgfemi_weights_reopen(dgfemi_weights *weights, const dgfemi_sampling *sampling, const dgfemi_crowds *crowds,
+                                  const dgfem_real *radius, const dgfem_real *reach, dgfemi_reuse *reuse, char *calm) {
+    const dgfem_embedding *embedding = sampling->embedding;
+    int elements = sampling->mesh->element_count;
+    dgfemi_disturbance d;
+    memset(calm, 1, (size_t)embedding->point_count);
+    for (int s = 0; s < embedding->sample_count; s++) {
+        if (!(sampling->radius[s] > radius[s])) continue;
+        d.lower = d.upper = embedding->samples[s], d.from = 0, d.limit = sampling->radius[s];
+        dgfemi_crowds_disturb(crowds, embedding, elements, &d, calm);
+    }
+    for (int e = 0; e < elements; e++) {
+        if (!(sampling->reach[e] > reach[e])) continue;
+        d.lower = sampling->locator->lower[e], d.upper = sampling->locator->upper[e];
+        d.from = reach[e], d.limit = sampling->reach[e];
+        dgfemi_crowds_disturb(crowds, embedding, elements, &d, calm);
+    }
+    for (int p = 0; p < embedding->point_count; p++)
+        if (!calm[p]) weights->open[p] = 1, reuse->keep[p] = 0;
+}
+
+/* Weighs all open points. Enlarges the windows of the samples around poorly served ones, once per round, until all are
+   served; then points that the larger windows reach are weighed again. 1 on success. */
+static int dgfemi_weights_make(dgfemi_arena *arena, dgfemi_weights *weights, dgfemi_query *query,
+                               const dgfemi_crowds *crowds, dgfemi_reuse *reuse) {
+    dgfemi_sampling *sampling = query->sampling;
+    const dgfem_embedding *embedding = sampling->embedding;
+    size_t samples = (size_t)embedding->sample_count, elements = (size_t)sampling->mesh->element_count;
+    dgfem_real *radius = (dgfem_real *)dgfemi_arena_allocate(arena, samples, sizeof(dgfem_real));
+    dgfem_real *reach = (dgfem_real *)dgfemi_arena_allocate(arena, elements, sizeof(dgfem_real));
+    char *enlarge = (char *)dgfemi_arena_allocate(arena, samples, 1);
+    char *calm = (char *)dgfemi_arena_allocate(arena, (size_t)embedding->point_count, 1);
+    int round = 0;
+    if (!radius || !reach || !enlarge || !calm) return 0;
+    memcpy(radius, sampling->radius, samples * sizeof(dgfem_real));
+    memcpy(reach, sampling->reach, elements * sizeof(dgfem_real));
+    for (; round < DGFEM_MAX_ROUNDS; round++) {
+        int poor = 0;
+        memset(enlarge, 0, samples);
+        for (int p = 0; p < embedding->point_count; p++) {
+            if (!weights->open[p]) continue;
+            if (!dgfemi_weights_try(weights, query, p, round)) return 0;
+            if (!weights->open[p]) continue;
+            poor++;
+            dgfemi_query_mark(query, enlarge);
+        }
+        if (poor == 0) break;
+        dgfemi_sampling_enlarge(sampling, enlarge);
+    }
+    if (round == 0) return 1;
+    dgfemi_weights_reopen(weights, sampling, crowds, radius, reach, reuse, calm);
+    for (int p = 0; p < embedding->point_count; p++)
+        if (weights->open[p] && !dgfemi_weights_try(weights, query, p, DGFEM_MAX_ROUNDS)) return 0;
+    return 1;
+}
+
+/* The old weights of a point. */
+static void dgfemi_reuse_weights(const dgfemi_reuse *reuse, int point, int *samples, dgfem_real *weights) {
+    const dgfem_embedding *old = reuse->old;
+    int first = old->weight_start[point], count = old->weight_start[point + 1] - first, sorted = 1;
+    memcpy(weights, old->weight + first, (size_t)count * sizeof(dgfem_real));
+    for (int i = 0; i < count; i++) {
+        samples[i] = reuse->new_sample[old->weight_sample[first + i]];
+        if (i > 0 && samples[i] < samples[i - 1]) sorted = 0;
+    }
+    if (!sorted) dgfemi_sort_samples(samples, weights, count);
+}
+
+/* All points' weights, kept or new, in the order of the points. 1 on success. */
+static int dgfemi_embedding_gather(dgfem_embedding *embedding, const dgfemi_weights *weights,
+                                   const dgfemi_reuse *reuse) {
+    int total = 0;
     for (int p = 0; p < embedding->point_count; p++) {
-        dgfemi_fit fit;
+        int count = reuse->keep[p] ? reuse->old->weight_start[p + 1] - reuse->old->weight_start[p] : weights->count[p];
+        if (count > INT_MAX - total) return 0;
+        embedding->weight_start[p] = total;
+        total += count;
+    }
+    embedding->weight_start[embedding->point_count] = total;
+    embedding->weight_sample = (int *)dgfemi_allocate(&embedding->hooks, (size_t)total, sizeof(int));
+    embedding->weight = (dgfem_real *)dgfemi_allocate(&embedding->hooks, (size_t)total, sizeof(dgfem_real));
+    if (!embedding->weight_sample || !embedding->weight) return 0;
+    for (int p = 0; p < embedding->point_count; p++) {
+        int *samples = embedding->weight_sample + embedding->weight_start[p];
+        dgfem_real *values = embedding->weight + embedding->weight_start[p];
         if (reuse->keep[p]) {
-            dgfemi_reuse_weights(reuse, p, query);
-            if (!dgfemi_embedding_append(embedding, query, p, &sample_capacity, &weight_capacity)) return 0;
+            dgfemi_reuse_weights(reuse, p, samples, values);
             continue;
         }
-        dgfemi_query_run(query, embedding->point_element[p], windows[p]);
-        dgfemi_query_normalize(query);
-        dgfemi_query_sort(query);
-        dgfemi_query_fit(query, embedding->points[p], &fit);
-        if (dgfemi_fit_is_flat(&fit)) {
-            dgfemi_query_take_element(query, embedding->point_element[p]);
-            dgfemi_query_fit(query, embedding->points[p], &fit);
-        }
-        dgfemi_query_weights(query, &fit, embedding->points[p]);
-        if (!dgfemi_embedding_append(embedding, query, p, &sample_capacity, &weight_capacity)) return 0;
+        memcpy(samples, weights->sample + weights->first[p], (size_t)weights->count[p] * sizeof(int));
+        memcpy(values, weights->weight + weights->first[p], (size_t)weights->count[p] * sizeof(dgfem_real));
     }
     return 1;
+}
+
+/* Weights of all points that do not keep theirs. 1 on success, 0 when out of memory. */
+static int dgfemi_embedding_weigh(dgfemi_arena *arena, dgfem_embedding *embedding, dgfemi_sampling *sampling,
+                                  dgfemi_query *query, dgfemi_reuse *reuse) {
+    size_t points = (size_t)embedding->point_count;
+    dgfemi_crowds crowds;
+    dgfemi_weights weights;
+    int ok;
+    memset(&weights, 0, sizeof weights);
+    weights.hooks = &embedding->hooks;
+    weights.first = (int *)dgfemi_arena_allocate(arena, points, sizeof(int));
+    weights.count = (int *)dgfemi_arena_allocate(arena, points, sizeof(int));
+    weights.open = (char *)dgfemi_arena_allocate(arena, points, 1);
+    if (!weights.first || !weights.count || !weights.open) return 0;
+    if (!dgfemi_crowds_make(arena, embedding, sampling->mesh->element_count, &crowds)) return 0;
+    if (reuse->old) {
+        for (int p = 0; p < embedding->point_count && p < reuse->old->point_count; p++)
+            reuse->keep[p] = (char)dgfemi_reuse_is_same(reuse, embedding, p);
+        dgfemi_reuse_disturb(reuse, sampling, &crowds);
+    }
+    for (int p = 0; p < embedding->point_count; p++) weights.open[p] = !reuse->keep[p];
+    ok = dgfemi_weights_make(arena, &weights, query, &crowds, reuse) &&
+         dgfemi_embedding_gather(embedding, &weights, reuse);
+    dgfemi_free(&embedding->hooks, weights.sample);
+    dgfemi_free(&embedding->hooks, weights.weight);
+    return ok;
 }
 
 /* Reads the points. DGFEM_ERROR_NOT_FINITE names the first bad one. */
@@ -286,8 +497,10 @@ static dgfem_status dgfemi_embedding_read_points(dgfem_embedding *embedding, con
     embedding->point_count = points->count;
     embedding->points = (dgfem_vec3 *)dgfemi_allocate(&embedding->hooks, (size_t)points->count, sizeof(dgfem_vec3));
     embedding->point_element = (int *)dgfemi_allocate(&embedding->hooks, (size_t)points->count, sizeof(int));
+    embedding->point_window =
+        (dgfem_vec3 *)dgfemi_allocate(&embedding->hooks, (size_t)points->count, sizeof(dgfem_vec3));
     embedding->weight_start = (int *)dgfemi_allocate_zero(&embedding->hooks, (size_t)points->count + 1, sizeof(int));
-    if (!embedding->points || !embedding->point_element || !embedding->weight_start)
+    if (!embedding->points || !embedding->point_element || !embedding->point_window || !embedding->weight_start)
         return dgfemi_fail_memory(&embedding->hooks);
     for (int p = 0; p < points->count; p++) {
         embedding->points[p] = dgfemi_point_read(points, p);
@@ -299,41 +512,41 @@ static dgfem_status dgfemi_embedding_read_points(dgfem_embedding *embedding, con
     return DGFEM_OK;
 }
 
-/* Samples, locations and weights, with temporary memory from the arena. homes[p]: the element from which point p is
-   reached, wherever it lies; DGFEM_NONE: the nearest one; homes may be NULL. `old`, of the same first points before the
-   body's topology changed, may be NULL. 1 on success, 0 when out of memory. */
+/* Samples, places and weights, with temporary memory from the arena. `places` may be NULL: found from `anchors`, as in
+   dgfemi_places_find. `old`, of the same first points before the body's topology changed, may be NULL. 1 on success, 0
+   when out of memory. */
 static int dgfemi_embedding_build(dgfemi_arena *arena, const dgfem_body *body, const dgfem_corners *corners,
-                                  const int *homes, const dgfem_embedding *old, dgfem_embedding *embedding) {
+                                  const dgfem_vec3 *anchors, const dgfemi_places *places, const dgfem_embedding *old,
+                                  dgfem_embedding *embedding) {
+    size_t points = (size_t)embedding->point_count;
     dgfemi_locator locator;
+    dgfemi_places found;
     dgfemi_reuse reuse;
     dgfemi_sampling sampling;
     dgfemi_query query;
-    dgfem_vec3 *windows;
-    char *open, *enlarge;
-    if (!dgfemi_embedding_choose_samples(arena, embedding, body, corners) ||
-        !dgfemi_locator_make(arena, body->mesh, &locator) ||
-        !dgfemi_sampling_make(arena, body->mesh, embedding, &locator, &sampling) ||
-        !dgfemi_query_make(arena, &sampling, &query))
-        return 0;
-    windows = (dgfem_vec3 *)dgfemi_arena_allocate(arena, (size_t)embedding->point_count, sizeof(dgfem_vec3));
-    open = (char *)dgfemi_arena_allocate(arena, (size_t)embedding->point_count, 1);
-    enlarge = (char *)dgfemi_arena_allocate(arena, (size_t)embedding->sample_count, 1);
     memset(&reuse, 0, sizeof reuse);
     reuse.old = old;
-    reuse.keep = (char *)dgfemi_arena_allocate_zero(arena, (size_t)embedding->point_count, 1);
-    if (!windows || !open || !enlarge || !reuse.keep) return 0;
-    for (int p = 0; p < embedding->point_count; p++) {
-        dgfem_vec3 x = embedding->points[p];
-        dgfemi_location location =
-            homes && homes[p] != DGFEM_NONE ? dgfemi_locate_in(body->mesh, homes[p], x) : dgfemi_locate(&locator, x);
-        embedding->point_element[p] = location.element;
-        windows[p] = dgfemi_window_position(body->mesh, &location, x);
+    reuse.keep = (char *)dgfemi_arena_allocate_zero(arena, points, 1);
+    if (!reuse.keep || !dgfemi_embedding_choose_samples(arena, embedding, body, corners) ||
+        !dgfemi_locator_make(arena, body->mesh, &locator) ||
+        !dgfemi_sampling_make(arena, body->mesh, embedding, &locator, &sampling) ||
+        !dgfemi_query_make(arena, &sampling, &query) ||
+        (old && !dgfemi_kinship_make(arena, body->mesh, old, &reuse.kinship)) ||
+        (old && !dgfemi_reuse_make(arena, &reuse, &sampling)))
+        return 0;
+    if (places) {
+        found = *places;
+    } else {
+        if (!dgfemi_places_allocate(arena, embedding->point_count, &found)) return 0;
+        dgfemi_places_find(&locator, embedding->points, anchors, embedding->point_count, old, &reuse.kinship, &found);
     }
-    if (old && !dgfemi_reuse_make(arena, &reuse, &sampling, windows)) return 0;
-    for (int p = 0; p < embedding->point_count; p++) open[p] = !reuse.keep[p];
-    dgfemi_enlarge_windows(&query, embedding, windows, open, enlarge);
-    if (old) dgfemi_reuse_revise(&reuse, &sampling, windows);
-    return dgfemi_embedding_weigh(&query, embedding, windows, &reuse) && dgfemi_embedding_sign(embedding, &sampling);
+    if (points > 0) {
+        memcpy(embedding->point_element, found.element, points * sizeof(int));
+        memcpy(embedding->point_window, found.window, points * sizeof(dgfem_vec3));
+    }
+    dgfemi_sampling_update_reach(&sampling);
+    return dgfemi_embedding_weigh(arena, embedding, &sampling, &query, &reuse) &&
+           dgfemi_embedding_sign(embedding, &sampling);
 }
 
 DGFEM_API void dgfem_embedding_destroy(dgfem_embedding *embedding) {
@@ -347,12 +560,15 @@ DGFEM_API void dgfem_embedding_destroy(dgfem_embedding *embedding) {
     dgfemi_free(&hooks, embedding->term_basis);
     dgfemi_free(&hooks, embedding->points);
     dgfemi_free(&hooks, embedding->point_element);
+    dgfemi_free(&hooks, embedding->point_window);
     dgfemi_free(&hooks, embedding->weight_start);
     dgfemi_free(&hooks, embedding->weight_sample);
     dgfemi_free(&hooks, embedding->weight);
     dgfemi_free(&hooks, embedding->sample_radius);
     dgfemi_free(&hooks, embedding->element_centre);
     dgfemi_free(&hooks, embedding->element_glue);
+    dgfemi_free(&hooks, embedding->element_box);
+    dgfemi_free(&hooks, embedding->element_reach);
     dgfemi_free(&hooks, embedding);
 }
 
@@ -364,7 +580,9 @@ static dgfem_embedding *dgfemi_embedding_new(const dgfem_body *body, const dgfem
     return embedding;
 }
 
-static dgfem_status dgfemi_embedding_create_at(const dgfem_body *body, const dgfem_points_in *points, const int *homes,
+/* anchors, places and old as in dgfemi_embedding_build. */
+static dgfem_status dgfemi_embedding_create_at(const dgfem_body *body, const dgfem_points_in *points,
+                                               const dgfem_vec3 *anchors, const dgfemi_places *places,
                                                const dgfem_embedding *old, const dgfem_hooks *hooks,
                                                dgfem_embedding **out) {
     dgfem_embedding *embedding = dgfemi_embedding_new(body, hooks);
@@ -374,7 +592,7 @@ static dgfem_status dgfemi_embedding_create_at(const dgfem_body *body, const dgf
     if (!embedding) return dgfemi_fail_memory(hooks);
     status = dgfemi_embedding_read_points(embedding, points);
     if (status == DGFEM_OK) status = dgfem_mesh_corners(body->mesh, &corners);
-    if (status == DGFEM_OK && !dgfemi_embedding_build(&arena, body, corners, homes, old, embedding))
+    if (status == DGFEM_OK && !dgfemi_embedding_build(&arena, body, corners, anchors, places, old, embedding))
         status = dgfemi_fail_memory(hooks);
     dgfemi_arena_free(&arena);
     dgfem_corners_destroy(corners);
@@ -388,7 +606,7 @@ static dgfem_status dgfemi_embedding_create_at(const dgfem_body *body, const dgf
 
 static dgfem_status dgfemi_embedding_create(const dgfem_body *body, const dgfem_points_in *points,
                                             const dgfem_hooks *hooks, dgfem_embedding **out) {
-    return dgfemi_embedding_create_at(body, points, NULL, NULL, hooks, out);
+    return dgfemi_embedding_create_at(body, points, NULL, NULL, NULL, hooks, out);
 }
 
 DGFEM_API dgfem_status dgfem_embedding_create(const dgfem_body *body, dgfem_points_in points, dgfem_embedding **out) {

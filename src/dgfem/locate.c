@@ -169,22 +169,78 @@ static double dgfemi_face_winding(const dgfem_mesh *mesh, const dgfem_face *face
     return angle / 12.566370614359172;
 }
 
-/* 1 inside and on a face. In the plane of a face the solid angle is either zero or undefined: such a face is decided
-   by whether it covers the point. */
-static int dgfemi_element_contains(const dgfem_mesh *mesh, int element, dgfem_vec3 x) {
+/* 1 inside. In the plane of a face the solid angle is either zero or undefined: such faces are left out. */
+static int dgfemi_element_winds_around(const dgfem_mesh *mesh, int element, dgfem_vec3 x) {
     const dgfem_element *e = &mesh->elements[element];
     double winding = 0;
     for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
         const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
         dgfem_real height = dgfemi_dot(face->normal, dgfemi_sub(x, face->centre));
-        if (dgfemi_abs(height) > DGFEM_ON_FACE * e->radius)
-            winding += dgfemi_mesh_sign(mesh, element, mesh->element_faces[k]) * dgfemi_face_winding(mesh, face, x);
-        else if (dgfemi_face_covers(mesh, face, dgfemi_add_scaled(x, -height, face->normal))) return 1;
+        if (!(dgfemi_abs(height) > DGFEM_ON_FACE * e->radius)) continue;
+        winding += dgfemi_mesh_sign(mesh, element, mesh->element_faces[k]) * dgfemi_face_winding(mesh, face, x);
     }
     return winding > 0.5;
 }
 
+#define DGFEM_STEEP DGFEM_R(1e-3) /* a ray that meets a face at a smaller sine says nothing */
+
+/* Whether the ray from x along the x axis passes through a face, seen along the ray: 1, 0, or -1 where it passes an edge
+   too closely to tell. */
+static int dgfemi_face_meets_ray(const dgfem_mesh *mesh, const dgfem_face *face, dgfem_vec3 x, dgfem_real near) {
+    int inside = 0;
+    for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++) {
+        const int *loop = mesh->loop_vertices + mesh->loops[l].start;
+        int count = mesh->loops[l].count;
+        dgfem_vec3 a = mesh->vertices[loop[count - 1]];
+        dgfem_real ay = a.y - x.y, az = a.z - x.z;
+        for (int i = 0; i < count; i++) {
+            dgfem_vec3 b = mesh->vertices[loop[i]];
+            dgfem_real by = b.y - x.y, bz = b.z - x.z;
+            if ((az > 0) != (bz > 0)) {
+                dgfem_real side = ay * (bz - az) - az * (by - ay);
+                if (dgfemi_abs(side) <= near * (dgfemi_abs(by - ay) + dgfemi_abs(bz - az))) return -1;
+                if ((side > 0) == (bz > az)) inside = !inside;
+            }
+            ay = by, az = bz;
+        }
+    }
+    return inside;
+}
+
+/* 1 inside and on a face. Parity of the faces that a ray passes through; where it passes an edge closely or touches a
+   face, the solid angles decide. */
+static int dgfemi_element_contains(const dgfem_mesh *mesh, int element, dgfem_vec3 x) {
+    const dgfem_element *e = &mesh->elements[element];
+    dgfem_real near = DGFEM_ON_FACE * e->radius;
+    int inside = 0;
+    for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        dgfem_real height = dgfemi_dot(face->normal, dgfemi_sub(x, face->centre));
+        if (dgfemi_abs(height) > near) continue;
+        if (dgfemi_face_covers(mesh, face, dgfemi_add_scaled(x, -height, face->normal))) return 1;
+    }
+    for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        int meets = dgfemi_face_meets_ray(mesh, face, x, near);
+        dgfem_real height;
+        if (meets == 0) continue;
+        height = dgfemi_dot(face->normal, dgfemi_sub(x, face->centre));
+        if (meets < 0 || dgfemi_abs(face->normal.x) < DGFEM_STEEP || dgfemi_abs(height) <= near)
+            return dgfemi_element_winds_around(mesh, element, x);
+        if ((height > 0) != (face->normal.x > 0)) inside = !inside;
+    }
+    return inside;
+}
+
 /* ---- search ---- */
+
+/* Squared distance from a box. */
+static dgfem_real dgfemi_box_square(dgfem_vec3 lower, dgfem_vec3 upper, dgfem_vec3 x) {
+    dgfem_real dx = x.x < lower.x ? lower.x - x.x : x.x > upper.x ? x.x - upper.x : 0;
+    dgfem_real dy = x.y < lower.y ? lower.y - x.y : x.y > upper.y ? x.y - upper.y : 0;
+    dgfem_real dz = x.z < lower.z ? lower.z - x.z : x.z > upper.z ? x.z - upper.z : 0;
+    return dx * dx + dy * dy + dz * dz;
+}
 
 static dgfem_real dgfemi_box_distance(dgfem_vec3 lower, dgfem_vec3 upper, dgfem_vec3 x) {
     dgfem_vec3 inside = dgfemi_min3(dgfemi_max3(x, lower), upper);

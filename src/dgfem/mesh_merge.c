@@ -71,14 +71,26 @@ static int dgfemi_mesh_other_side(const dgfem_mesh *mesh, int element, int face)
     return f->element[0] == element ? f->element[1] : f->element[0];
 }
 
-/* Volume over the area of the largest face. */
+/* Volume over the area of the largest side: its largest face with all others in the same plane, into which cuts and
+   neighbours may have divided it. */
 static dgfem_real dgfemi_mesh_thickness(const dgfem_mesh *mesh, int element) {
+    const dgfem_real same = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-6);
     const dgfem_element *e = &mesh->elements[element];
-    dgfem_real largest = 0;
-    int k;
+    int k, largest = mesh->element_faces[e->face_start];
+    dgfem_real area = 0;
+    const dgfem_face *side;
     for (k = e->face_start; k < e->face_start + e->face_count; k++)
-        largest = dgfemi_max(largest, mesh->faces[mesh->element_faces[k]].area);
-    return largest > 0 ? e->volume / largest : 0;
+        if (mesh->faces[mesh->element_faces[k]].area > mesh->faces[largest].area) largest = mesh->element_faces[k];
+    side = &mesh->faces[largest];
+    for (k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        dgfem_real turn = dgfemi_dot(side->normal, face->normal) *
+                          (dgfem_real)(dgfemi_mesh_sign(mesh, element, largest) *
+                                       dgfemi_mesh_sign(mesh, element, mesh->element_faces[k]));
+        dgfem_real height = dgfemi_dot(side->normal, dgfemi_sub(face->centre, side->centre));
+        if (turn > 1 - same && dgfemi_abs(height) <= same * e->radius) area += face->area;
+    }
+    return area > 0 ? e->volume / area : 0;
 }
 
 /* Whether the element is a sliver beside one of this volume. */

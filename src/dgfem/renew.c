@@ -140,9 +140,7 @@ static void dgfemi_project_degree(const dgfem_real *mass, int n_old, int n_new, 
         memcpy(m + i * n_new, mass + i * n_old, (size_t)n_new * sizeof *m);
         for (int j = 0; j < n_old; j++) out[i] = dgfemi_add_scaled(out[i], mass[i * n_old + j], old[j]);
     }
-    int ok = dgfemi_cholesky_dense(m, n_new); /* factored as part of the old mass matrix before */
-    DGFEM_ASSERT(ok);
-    (void)ok;
+    dgfemi_cholesky_dropping(m, n_new); /* a part may be thinner than its functions can tell */
     dgfemi_cholesky_dense_solve(m, n_new, (dgfem_real *)(void *)out, 3);
 }
 
@@ -313,21 +311,25 @@ static int dgfemi_renewal_make_forms(dgfemi_renewal *r) {
     return forms->elements && forms->faces && dgfemi_renewal_element_forms(r) && dgfemi_renewal_face_forms(r);
 }
 
-/* Gives integrals back to the pool: those made for the edit, or those of the body that the edit has no use for. */
-static void dgfemi_renewal_give(dgfemi_renewal *r, int made) {
+/* Gives the integrals made for the edit back to the pool. */
+static void dgfemi_renewal_give_new(dgfemi_renewal *r) {
+    const dgfem_hooks *hooks = &r->body->hooks;
+    dgfem_forms *forms = r->next.forms;
+    for (int e = 0; e < r->elements_done; e++) {
+        const dgfemi_element_form *form = &forms->elements[e];
+        if (!r->kept[e]) dgfemi_forms_give(forms, hooks, dgfemi_element_form_size(form->count), form->data);
+    }
+    for (int k = 0; k < forms->face_count; k++) {
+        const dgfemi_face_form *form = &forms->faces[k];
+        if (r->chunk_new[k]) dgfemi_forms_give(forms, hooks, dgfemi_face_form_size(form), form->data);
+    }
+}
+
+/* Gives those of the body that the edited one has no use for back to the pool. */
+static void dgfemi_renewal_give_old(dgfemi_renewal *r) {
     const dgfem_hooks *hooks = &r->body->hooks;
     dgfem_forms *forms = r->next.forms;
     const dgfem_forms *old = r->body->forms;
-    if (made) {
-        for (int e = 0; e < r->elements_done; e++)
-            if (!r->kept[e])
-                dgfemi_forms_give(forms, hooks, dgfemi_element_form_size(forms->elements[e].count),
-                                  forms->elements[e].data);
-        for (int k = 0; k < forms->face_count; k++)
-            if (r->chunk_new[k])
-                dgfemi_forms_give(forms, hooks, dgfemi_face_form_size(&forms->faces[k]), forms->faces[k].data);
-        return;
-    }
     for (int e = 0; e < r->body->mesh->element_count; e++) {
         int first = r->element_start[e], count = r->element_start[e + 1] - first;
         if (count == 1 && r->kept[r->element_child[first]]) continue;
@@ -373,10 +375,12 @@ static int dgfemi_renewal_make_items(dgfemi_renewal *r, int c, int *mark) {
     if (point) items[count++] = dgfemi_renewal_find_part(r, condition->items[0], condition->point);
     for (int i = 0; !point && i < condition->count; i++)
         for (int k = start[condition->items[i]]; k < start[condition->items[i] + 1]; k++) {
-            if (!faces && mark[child[k]] == c + 1) continue; /* a union of two items */
-            if (!faces) mark[child[k]] = c + 1;
+            int *first = &mark[child[k]]; /* the item that brought it in; one of another is the same union */
+            if (!faces && *first != DGFEM_NONE && *first != condition->items[i]) continue;
+            if (!faces) *first = condition->items[i];
             items[count++] = child[k];
         }
+    for (int i = 0; !faces && i < count; i++) mark[items[i]] = DGFEM_NONE;
     r->item_count[c] = count;
     return 1;
 }
@@ -411,6 +415,7 @@ static int dgfemi_renewal_make_conditions(dgfemi_renewal *r) {
         r->items = NULL;
         return 0;
     }
+    for (int e = 0; e < r->next.mesh->element_count; e++) mark[e] = DGFEM_NONE;
     for (int c = 0; c < r->body->condition_count; c++) {
         if (!dgfemi_renewal_make_items(r, c, mark)) return 0;
         if (r->body->conditions[c].kind == DGFEM_CONDITION_FIX_ELEMENTS && !dgfemi_renewal_make_values(r, c)) return 0;
@@ -467,7 +472,7 @@ static void dgfemi_renewal_abort(dgfemi_renewal *r) {
     const dgfem_hooks *hooks = &r->body->hooks;
     dgfem_forms *forms = r->next.forms, *old = r->body->forms;
     if (forms) {
-        dgfemi_renewal_give(r, 1);
+        dgfemi_renewal_give_new(r);
         dgfemi_free(hooks, forms->elements);
         dgfemi_free(hooks, forms->faces);
         forms->elements = old->elements, forms->faces = old->faces;
@@ -517,7 +522,7 @@ static dgfem_status dgfemi_renewal_make(dgfemi_renewal *r, dgfemi_edit *edit, dg
 static void dgfemi_renewal_accept(dgfemi_renewal *r) {
     const dgfem_hooks *hooks = &r->body->hooks;
     dgfem_body *body = r->body, last = *body;
-    dgfemi_renewal_give(r, 0);
+    dgfemi_renewal_give_old(r);
     for (int c = 0; c < body->condition_count; c++) {
         dgfem_condition *condition = &body->conditions[c];
         dgfemi_free(hooks, condition->items);
@@ -528,6 +533,7 @@ static void dgfemi_renewal_accept(dgfemi_renewal *r) {
         condition->values = r->values[c];
     }
     *body = r->next;
+    body->desc.mesh = body->mesh;
     r->edit->mesh = last.mesh; /* which is freed with the edit */
     dgfemi_update_force(body);
     dgfemi_free(hooks, last.forms->elements);

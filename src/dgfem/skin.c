@@ -148,12 +148,13 @@ DGFEM_API void dgfem_skin_destroy(dgfem_skin *skin) {
     dgfemi_free(&hooks, skin);
 }
 
-/* Weights of these points, and room for the values of their samples; what the skin had is not freed. homes as in
-   dgfemi_embedding_build, as is `old`. On failure the skin is as it was. */
+/* Weights of these points, and room for the values of their samples; what the skin had is not freed. anchors, places
+   and old as in dgfemi_embedding_build. On failure the skin is as it was. */
 static dgfem_status dgfemi_skin_embed(dgfem_skin *skin, const dgfem_body *body, const dgfem_points_in *points,
-                                      const int *homes, const dgfem_embedding *old) {
+                                      const dgfem_vec3 *anchors, const dgfemi_places *places,
+                                      const dgfem_embedding *old) {
     dgfem_embedding *embedding = NULL;
-    dgfem_status status = dgfemi_embedding_create_at(body, points, homes, old, &skin->hooks, &embedding);
+    dgfem_status status = dgfemi_embedding_create_at(body, points, anchors, places, old, &skin->hooks, &embedding);
     dgfem_vec3 *displacement;
     if (status != DGFEM_OK) return status;
     displacement = (dgfem_vec3 *)dgfemi_allocate(&skin->hooks, (size_t)embedding->sample_count, sizeof(dgfem_vec3));
@@ -173,7 +174,7 @@ static dgfem_status dgfemi_skin_create(const dgfem_body *body, const dgfem_skin_
     if (!skin) return dgfemi_fail_memory(hooks);
     skin->hooks = *hooks;
     if (!dgfemi_skin_allocate(skin, desc)) status = dgfemi_fail_memory(hooks);
-    if (status == DGFEM_OK) status = dgfemi_skin_embed(skin, body, &desc->vertices, NULL, NULL);
+    if (status == DGFEM_OK) status = dgfemi_skin_embed(skin, body, &desc->vertices, NULL, NULL, NULL);
     if (status != DGFEM_OK) {
         dgfem_skin_destroy(skin);
         return status;
@@ -194,34 +195,14 @@ DGFEM_API dgfem_status dgfem_skin_create(const dgfem_body *body, const dgfem_ski
 
 /* ---- renewal ---- */
 
-/* homes[v]: the element at the vertex's anchor where that is not its rest position, else DGFEM_NONE. Vertices at a cut
-   have one position and different anchors, on their own sides; these tell their elements whatever was split or merged
-   since. 1 on success, 0 when out of memory. */
-static int dgfemi_skin_homes(dgfemi_arena *arena, const dgfem_mesh *mesh, const dgfem_vec3 *points,
-                             const dgfem_vec3 *anchors, int count, int *homes) {
-    dgfemi_locator locator;
-    if (!dgfemi_locator_make(arena, mesh, &locator)) return 0;
-    for (int v = 0; v < count; v++)
-        homes[v] = memcmp(&points[v], &anchors[v], sizeof points[v]) ? dgfemi_locate(&locator, anchors[v]).element
-                                                                     : DGFEM_NONE;
-    return 1;
-}
-
+/* Vertices at a cut have one position and different anchors, on their own sides; these tell their elements whatever was
+   split or merged since. */
 static dgfem_status dgfemi_skin_renew(dgfem_skin *skin, const dgfem_body *body) {
     const dgfem_hooks hooks = skin->hooks;
     dgfem_embedding *old = skin->embedding;
     dgfem_vec3 *old_displacement = skin->sample_displacement;
     dgfem_points_in points = dgfem_points_in_vec3(old->points, old->point_count);
-    dgfemi_arena arena = dgfemi_arena_make(&hooks);
-    int *homes = NULL;
-    dgfem_status status = DGFEM_OK;
-    if (skin->anchors) {
-        homes = (int *)dgfemi_arena_allocate(&arena, (size_t)skin->vertex_count, sizeof(int));
-        if (!homes || !dgfemi_skin_homes(&arena, body->mesh, old->points, skin->anchors, skin->vertex_count, homes))
-            status = dgfemi_fail_memory(&hooks);
-    }
-    if (status == DGFEM_OK) status = dgfemi_skin_embed(skin, body, &points, homes, old);
-    dgfemi_arena_free(&arena);
+    dgfem_status status = dgfemi_skin_embed(skin, body, &points, skin->anchors, NULL, old);
     if (status != DGFEM_OK) return status;
     dgfem_embedding_destroy(old);
     dgfemi_free(&hooks, old_displacement);

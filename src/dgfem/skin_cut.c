@@ -108,7 +108,7 @@ static int dgfemi_skin_make_walls(dgfemi_skin_cutter *c) {
     return ok;
 }
 
-/* ---- homes: no weight across the cut ---- */
+/* ---- places: no weight across the cut ---- */
 
 /* An anchor goes this part of the way from its place to the element's centre: inside, beyond round-off. */
 #define DGFEM_ANCHOR_DEPTH DGFEM_R(0.02)
@@ -163,50 +163,74 @@ static int dgfemi_skin_find_sides(dgfemi_arena *arena, const dgfemi_skin_cutter 
 
 /* The element on a side that is nearest to x, of those around `element`; it must be reached through glued faces and
    through this cut, not through earlier ones. Without any the element itself. */
-static int dgfemi_skin_nearest_on_side(dgfemi_blade_sides *sides, const dgfemi_locator *locator, int element,
-                                       dgfem_vec3 x, int side) {
+static dgfemi_location dgfemi_skin_nearest_on_side(dgfemi_blade_sides *sides, const dgfemi_locator *locator,
+                                                   int element, dgfem_vec3 x, int side) {
     const dgfem_mesh *mesh = locator->mesh;
-    dgfem_real nearest = mesh->elements[element].radius;
-    int best = element, count = 1;
+    dgfemi_location best;
+    int count = 1;
+    best.element = DGFEM_NONE, best.distance = mesh->elements[element].radius, best.nearest = x;
     sides->queue[0] = element, sides->mark[element] = ++sides->stamp;
     for (int i = 0; i < count; i++) {
         const dgfem_element *e = &mesh->elements[sides->queue[i]];
         if (sides->sign[sides->queue[i]] == side) {
-            dgfem_real distance = dgfemi_locate_in(mesh, sides->queue[i], x).distance;
-            if (distance < nearest) nearest = distance, best = sides->queue[i];
+            dgfemi_location location = dgfemi_locate_in(mesh, sides->queue[i], x);
+            if (location.distance < best.distance) best = location;
         }
         for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
             const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
             int other = face->element[face->element[0] == sides->queue[i]];
             if (other == DGFEM_NONE || sides->mark[other] == sides->stamp) continue;
             if (face->cut && !sides->on_blade[mesh->element_faces[k]]) continue;
-            if (!(dgfemi_box_distance(locator->lower[other], locator->upper[other], x) < nearest)) continue;
+            if (!(dgfemi_box_distance(locator->lower[other], locator->upper[other], x) < best.distance)) continue;
             sides->mark[other] = sides->stamp;
             sides->queue[count++] = other;
         }
     }
-    return best;
+    return best.element == DGFEM_NONE ? dgfemi_locate_in(mesh, element, x) : best;
 }
 
-/* homes[v]: where each vertex of the result is reached from. Vertices at the cut get anchors on their own side. */
-static int dgfemi_skin_find_homes(dgfemi_arena *arena, dgfemi_skin_cutter *c, int *homes) {
+/* Places of the vertices of the result; those at the cut get anchors on their own side. The skin's own vertices are
+   where they were if their elements are; `kinship` NULL: all are. */
+static void dgfemi_skin_place(dgfemi_skin_cutter *c, dgfemi_locator *locator, dgfemi_blade_sides *sides,
+                              const dgfemi_kinship *kinship, dgfemi_places *places) {
     const dgfem_mesh *mesh = c->body->mesh;
-    dgfemi_blade_sides sides;
-    dgfemi_locator locator;
-    if (!dgfemi_locator_make(arena, mesh, &locator) || !dgfemi_skin_find_sides(arena, c, &sides)) return 0;
+    const dgfem_embedding *old = c->skin->embedding;
     for (int i = 0; i < c->vertex_count; i++) {
         dgfemi_skin_vertex *v = &c->vertices[i];
-        int e = dgfemi_locate(&locator, v->anchor).element;
-        int near = dgfemi_abs(dgfemi_blade_distance(c->blade, v->world)) < DGFEM_R(0.1) * mesh->elements[e].radius;
-        int concerned = v->side != 0 && (v->slit || (sides.at_blade[e] && (near || sides.sign[e] != v->side)));
-        if (concerned) {
-            dgfem_vec3 x;
-            if (sides.sign[e] != v->side) e = dgfemi_skin_nearest_on_side(&sides, &locator, e, v->anchor, v->side);
-            x = dgfemi_locate_in(mesh, e, v->anchor).nearest;
-            v->anchor = dgfemi_add_scaled(x, DGFEM_ANCHOR_DEPTH, dgfemi_sub(mesh->elements[e].centre, x));
+        int moved = !dgfemi_same_position(v->anchor, v->rest), known, e = DGFEM_NONE, near;
+        dgfemi_location location;
+        if (i < c->skin->vertex_count)
+            e = kinship ? kinship->new_element[old->point_element[i]] : old->point_element[i];
+        known = e != DGFEM_NONE;
+        if (!known) location = dgfemi_locate(locator, v->anchor), e = location.element;
+        near = dgfemi_abs(dgfemi_blade_distance(c->blade, v->world)) < DGFEM_R(0.1) * mesh->elements[e].radius;
+        if (v->side != 0 && (v->slit || (sides->at_blade[e] && (near || sides->sign[e] != v->side)))) {
+            if (sides->sign[e] != v->side)
+                location = dgfemi_skin_nearest_on_side(sides, locator, e, v->anchor, v->side);
+            else if (known) location = dgfemi_locate_in(mesh, e, v->anchor);
+            e = location.element;
+            v->anchor = dgfemi_add_scaled(location.nearest, DGFEM_ANCHOR_DEPTH,
+                                          dgfemi_sub(mesh->elements[e].centre, location.nearest));
+            known = 0;
         }
-        homes[i] = memcmp(&v->anchor, &v->rest, sizeof v->rest) ? e : DGFEM_NONE;
+        if (!known && moved) location = dgfemi_locate_in(mesh, e, v->rest);
+        places->element[i] = e;
+        places->window[i] = known ? old->point_window[i] : dgfemi_window_position(mesh, &location, v->rest);
     }
+}
+
+/* 1 on success, 0 when out of memory. */
+static int dgfemi_skin_find_places(dgfemi_arena *arena, dgfemi_skin_cutter *c, dgfemi_places *places) {
+    const dgfem_mesh *mesh = c->body->mesh;
+    int between = c->skin->embedding->sample_count == 0; /* two blades: the elements are those of this mesh */
+    dgfemi_blade_sides sides;
+    dgfemi_kinship kinship;
+    dgfemi_locator locator;
+    if (!dgfemi_places_allocate(arena, c->vertex_count, places) || !dgfemi_locator_make(arena, mesh, &locator) ||
+        !dgfemi_skin_find_sides(arena, c, &sides) ||
+        (!between && !dgfemi_kinship_make(arena, mesh, c->skin->embedding, &kinship)))
+        return 0;
+    dgfemi_skin_place(c, &locator, &sides, between ? NULL : &kinship, places);
     return 1;
 }
 
@@ -254,13 +278,16 @@ static void dgfemi_skin_result_fill(const dgfemi_skin_cutter *c, dgfem_skin *out
 }
 
 /* Between two blades a skin has no weights: only the places that it was cut in. 1 on success. */
-static int dgfemi_skin_keep_places(const dgfemi_skin_cutter *c, dgfem_skin *skin) {
+static int dgfemi_skin_keep_places(const dgfemi_skin_cutter *c, const dgfemi_places *places, dgfem_skin *skin) {
     size_t count = (size_t)c->vertex_count;
     skin->embedding = (dgfem_embedding *)dgfemi_allocate_zero(c->hooks, 1, sizeof *skin->embedding);
     if (!skin->embedding) return 0;
     skin->embedding->hooks = *c->hooks;
     skin->embedding->points = (dgfem_vec3 *)dgfemi_allocate(c->hooks, count, sizeof(dgfem_vec3));
-    if (!skin->embedding->points) return 0;
+    skin->embedding->point_element = (int *)dgfemi_duplicate(c->hooks, places->element, count, sizeof(int));
+    skin->embedding->point_window =
+        (dgfem_vec3 *)dgfemi_duplicate(c->hooks, places->window, count, sizeof(dgfem_vec3));
+    if (!skin->embedding->points || !skin->embedding->point_element || !skin->embedding->point_window) return 0;
     for (size_t i = 0; i < count; i++) {
         skin->embedding->points[i] = c->vertices[i].rest;
         skin->positions[i] = c->vertices[i].world;
@@ -271,20 +298,20 @@ static int dgfemi_skin_keep_places(const dgfemi_skin_cutter *c, dgfem_skin *skin
 static dgfem_status dgfemi_skin_result(dgfemi_skin_cutter *c, const dgfem_embedding *weights, dgfem_skin **out) {
     const dgfem_hooks *hooks = c->hooks;
     dgfemi_arena arena = dgfemi_arena_make(hooks);
-    int *homes = (int *)dgfemi_arena_allocate(&arena, (size_t)c->vertex_count, sizeof(int));
+    dgfemi_places places;
     dgfem_skin *skin = (dgfem_skin *)dgfemi_allocate_zero(hooks, 1, sizeof *skin);
     dgfem_points_in rest;
     dgfem_status status = DGFEM_OK;
     if (skin) skin->hooks = *hooks;
-    if (!homes || !skin || !dgfemi_skin_find_homes(&arena, c, homes) || !dgfemi_skin_result_allocate(c, skin))
+    if (!skin || !dgfemi_skin_find_places(&arena, c, &places) || !dgfemi_skin_result_allocate(c, skin))
         status = dgfemi_fail_memory(hooks);
     if (status == DGFEM_OK) dgfemi_skin_result_fill(c, skin);
-    if (status == DGFEM_OK && !weights && !dgfemi_skin_keep_places(c, skin)) status = dgfemi_fail_memory(hooks);
+    if (status == DGFEM_OK && !weights && !dgfemi_skin_keep_places(c, &places, skin)) status = dgfemi_fail_memory(hooks);
     if (status == DGFEM_OK && weights) {
         rest =
             dgfem_points_in_vec3((const dgfem_vec3 *)(const void *)c->vertices, c->vertex_count); /* its first member */
         rest.stride = (int)sizeof *c->vertices;
-        status = dgfemi_skin_embed(skin, c->body, &rest, homes, weights);
+        status = dgfemi_skin_embed(skin, c->body, &rest, NULL, &places, weights);
     }
     dgfemi_arena_free(&arena);
     if (status != DGFEM_OK) {

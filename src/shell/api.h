@@ -23,13 +23,13 @@
 
    Side k runs from corner k to corner k + 1; its middle is node corners + k. */
 typedef struct dgfem_shell_element {
-    int node_count;                  /* 8 or 6; corners: half of it */
+    int node_count; /* 8 or 6; corners: half of it */
     int node[DGFEM_SHELL_MAX_NODES];
-    int edge[4];                     /* of each side */
-    int tag;                         /* index of the input element that it came from; pieces of a cut inherit it */
+    int edge[4]; /* of each side */
+    int tag;     /* index of the input element that it came from; pieces of a cut inherit it */
     dgfem_real thickness;
     dgfem_material material;
-    dgfem_real area, perimeter;      /* at rest */
+    dgfem_real area, perimeter; /* at rest */
 } dgfem_shell_element;
 
 /* How two elements meet. */
@@ -40,11 +40,11 @@ typedef enum dgfem_shell_joint {
 } dgfem_shell_joint;
 
 typedef struct dgfem_shell_edge {
-    int node[3];       /* start, end, middle, as element[0] runs through it: it lies on the left */
-    int element[2];    /* element[1] is DGFEM_NONE on the boundary */
-    int side[2];       /* of each element */
+    int node[3];    /* start, end, middle, as element[0] runs through it: it lies on the left */
+    int element[2]; /* element[1] is DGFEM_NONE on the boundary */
+    int side[2];    /* of each element */
     dgfem_shell_joint joint;
-    int support;       /* index of the condition that holds its rotation, or DGFEM_NONE */
+    int support;                        /* index of the condition that holds its rotation, or DGFEM_NONE */
     dgfem_real moment, follower_moment; /* sum of the conditions' moments per length, N */
 } dgfem_shell_edge;
 
@@ -53,14 +53,14 @@ typedef dgfem_vec3 (*dgfem_shell_surface_fn)(void *user, dgfem_vec3 midpoint, dg
 
 typedef struct dgfem_shell_desc {
     unsigned cookie;
-    dgfem_points_in vertices;        /* corners, and middle nodes where they are given; each must be used */
-    const int *quads;                /* nodes_per_quad vertex indices each; elements 0 .. quad_count - 1 */
+    dgfem_points_in vertices; /* corners, and middle nodes where they are given; each must be used */
+    const int *quads;         /* nodes_per_quad vertex indices each; elements 0 .. quad_count - 1 */
     int quad_count;
-    const int *triangles;            /* nodes_per_triangle vertex indices each; the elements that follow */
+    const int *triangles; /* nodes_per_triangle vertex indices each; the elements that follow */
     int triangle_count;
-    int nodes_per_quad;              /* 4 (default): middle nodes are made; 8: they are given */
-    int nodes_per_triangle;          /* 3 (default) or 6, likewise. Both kinds must agree where both are present. */
-    dgfem_shell_surface_fn surface;  /* NULL (default): middle nodes are made at the midpoints */
+    int nodes_per_quad;             /* 4 (default): middle nodes are made; 8: they are given */
+    int nodes_per_triangle;         /* 3 (default) or 6, likewise. Both kinds must agree where both are present. */
+    dgfem_shell_surface_fn surface; /* NULL (default): middle nodes are made at the midpoints */
     void *surface_user;
     dgfem_real thickness;            /* default 0.001 m */
     const dgfem_real *thicknesses;   /* [elements] or NULL: `thickness` everywhere */
@@ -72,9 +72,9 @@ typedef struct dgfem_shell_desc {
     dgfem_real damping_mass;         /* Rayleigh alpha, 1/s; default 0 */
     dgfem_real damping_stiffness;    /* Rayleigh beta, s; default 0 */
     int corotational;                /* 1 (default): large rotations; 0: linear shell */
-    int consistent_mass;             /* 0 (default): lumped, in proportion to the integral of N^2 (HRZ); 1: consistent */
-    int step_iterations;             /* Newton iterations of a time step at most; default 4 */
-    dgfem_real step_tolerance;       /* and where they end: residual relative to forces; default 1e-4 */
+    int consistent_mass;       /* 0 (default): lumped, in proportion to the integral of N^2 (HRZ); 1: consistent */
+    int step_iterations;       /* Newton iterations of a time step at most; default 4 */
+    dgfem_real step_tolerance; /* and where they end: residual relative to forces; default 1e-4 */
     dgfem_hooks hooks;
 } dgfem_shell_desc;
 
@@ -102,13 +102,13 @@ typedef enum dgfem_shell_condition_kind {
 typedef struct dgfem_shell_condition {
     int id;
     dgfem_shell_condition_kind kind;
-    int count;           /* of items */
-    int *items;          /* nodes, edges or elements, as the kind says */
-    int axes;            /* FIX */
-    int follower;        /* MOMENT, PRESSURE: 1 when the load turns with the shell */
-    dgfem_vec3 vector;   /* displacement, normal of the plane, translation, line load, force, place */
-    dgfem_real scalar;   /* angle, moment, pressure, stiffness */
-    dgfem_mat3 rotation; /* CLAMP */
+    int count;                /* of items */
+    int *items;               /* nodes, edges or elements, as the kind says */
+    int axes;                 /* FIX */
+    int follower;             /* MOMENT, PRESSURE: 1 when the load turns with the shell */
+    dgfem_vec3 vector;        /* displacement, normal of the plane, translation, line load, force, place */
+    dgfem_real scalar;        /* angle, moment, pressure, stiffness */
+    dgfem_mat3 rotation;      /* CLAMP */
     dgfem_vec3 vector_before; /* what the last static solve or step ended with: where the next static solve begins */
     dgfem_real scalar_before;
     dgfem_mat3 rotation_before;
@@ -121,16 +121,16 @@ typedef struct dgfem_shell_system dgfem_shell_system; /* precomputed integrals a
 /* State of a shell. Read freely; change only through functions. */
 typedef struct dgfem_shell {
     dgfem_shell_desc desc;
-    int revision;             /* grows with every change of topology */
+    int revision; /* grows with every change of topology */
     int node_count, element_count, edge_count;
-    dgfem_vec3 *rest;         /* [node_count] */
-    dgfem_vec3 *position;     /* [node_count] */
-    dgfem_vec3 *velocity;     /* [node_count] */
-    dgfem_real *node_area;    /* [node_count] what each node has of the area; sums to it */
-    dgfem_real *node_mass;    /* [node_count] lumped */
-    dgfem_real *node_load;    /* [node_count] integral of density * thickness * N: times gravity its weight */
-    dgfem_real *node_half;    /* [node_count] half the thickness: the largest of the node's elements */
-    dgfem_real *node_spring;  /* [node_count] E * thickness, for contact (N/m) */
+    dgfem_vec3 *rest;        /* [node_count] */
+    dgfem_vec3 *position;    /* [node_count] */
+    dgfem_vec3 *velocity;    /* [node_count] */
+    dgfem_real *node_area;   /* [node_count] what each node has of the area; sums to it */
+    dgfem_real *node_mass;   /* [node_count] lumped */
+    dgfem_real *node_load;   /* [node_count] integral of density * thickness * N: times gravity its weight */
+    dgfem_real *node_half;   /* [node_count] half the thickness: the largest of the node's elements */
+    dgfem_real *node_spring; /* [node_count] E * thickness, for contact (N/m) */
     dgfem_shell_element *elements;
     dgfem_shell_edge *edges;
     int condition_count, condition_capacity, next_id;
@@ -138,30 +138,30 @@ typedef struct dgfem_shell {
     int shape_count, shape_capacity;
     dgfem_shape *shapes;
     dgfem_vec3 gravity_before; /* as vector_before of a condition */
-    double time;              /* sum of the steps */
+    double time;               /* sum of the steps */
     dgfem_shell_system *system;
     dgfem_hooks hooks;
 } dgfem_shell;
 
 typedef struct dgfem_shell_info {
-    int iterations;          /* Newton iterations, of all load steps */
-    int load_steps;          /* static solve: taken, halved ones included */
-    int shifts;              /* factorizations repeated because the tangent was not positive definite */
-    int contacts;            /* nodes that touched a shape */
-    int failed_node;         /* whose pivot was not positive, or DGFEM_NONE */
-    dgfem_real residual;     /* of the last iterate, relative to the forces */
+    int iterations;      /* Newton iterations, of all load steps */
+    int load_steps;      /* static solve: taken, halved ones included */
+    int shifts;          /* factorizations repeated because the tangent was not positive definite */
+    int contacts;        /* nodes that touched a shape */
+    int failed_node;     /* whose pivot was not positive, or DGFEM_NONE */
+    dgfem_real residual; /* of the last iterate, relative to the forces */
     double seconds_assemble, seconds_factor, seconds_solve; /* 0 without a clock */
 } dgfem_shell_info;
 
 typedef struct dgfem_shell_static_desc {
     unsigned cookie;
-    int load_steps;          /* loads and prescribed motions are applied in this many equal parts; default 1 */
-    int max_halvings;        /* how often a part that fails may be halved; default 6 */
-    int max_iterations;      /* of Newton per part; default 40 */
-    dgfem_real tolerance;    /* residual relative to the forces; default 1e-8 (float: 1e-3) */
-    int line_search;         /* 0: none; 1 (default): in parts that had to be halved; 2: always, which is slow */
-    int frozen;              /* 0 (default): Newton with the consistent tangent; 1: fixed point with frozen rotations */
-    dgfem_real relaxation;   /* of the fixed point: part of each update that is taken; default 0.5 */
+    int load_steps;        /* loads and prescribed motions are applied in this many equal parts; default 1 */
+    int max_halvings;      /* how often a part that fails may be halved; default 6 */
+    int max_iterations;    /* of Newton per part; default 40 */
+    dgfem_real tolerance;  /* residual relative to the forces; default 1e-8 (float: 1e-3) */
+    int line_search;       /* 0: none; 1 (default): in parts that had to be halved; 2: always, which is slow */
+    int frozen;            /* 0 (default): Newton with the consistent tangent; 1: fixed point with frozen rotations */
+    dgfem_real relaxation; /* of the fixed point: part of each update that is taken; default 0.5 */
 } dgfem_shell_static_desc;
 
 DGFEM_API dgfem_shell_desc dgfem_default_shell_desc(void);
@@ -238,9 +238,9 @@ DGFEM_API dgfem_status dgfem_shell_move_shape(dgfem_shell *shell, int id, const 
 
 /* ---- motion ---- */
 
-/* One step of implicit Euler with Newton iterations on the consistent tangent; where that is not positive definite, with
-   mass added. It ends after step_iterations at the latest and takes what it has: info (may be NULL) tells the
-   residual. Nothing is allocated. On failure nothing has changed. */
+/* One step of implicit Euler with Newton iterations on the consistent tangent; where that is not positive definite,
+   with mass added. It ends after step_iterations at the latest and takes what it has, or where that is nothing, one
+   semi-implicit step: info (may be NULL) tells the residual. Nothing is allocated. On failure nothing has changed. */
 DGFEM_API dgfem_status dgfem_shell_step(dgfem_shell *shell, dgfem_real dt, dgfem_shell_info *info);
 
 /* Static equilibrium, from the current state, of loads, fixtures and pins (contact takes no part). Velocities become
@@ -268,8 +268,8 @@ DGFEM_API dgfem_status dgfem_shell_evaluate(const dgfem_shell *shell, int elemen
 typedef struct dgfem_shell_strain {
     dgfem_real membrane[3], bending[3];
     dgfem_real force[3], moment[3];
-    dgfem_mat3 rotation;  /* of the point, from rest */
-    dgfem_mat3 frame;     /* columns: first and second axis, normal, at rest */
+    dgfem_mat3 rotation; /* of the point, from rest */
+    dgfem_mat3 frame;    /* columns: first and second axis, normal, at rest */
 } dgfem_shell_strain;
 
 DGFEM_API dgfem_status dgfem_shell_strain_at(const dgfem_shell *shell, int element, dgfem_real a, dgfem_real b,
@@ -299,24 +299,26 @@ DGFEM_API dgfem_real dgfem_shell_area(const dgfem_shell *shell); /* at rest */
 /* ---- cutting ---- */
 
 /* Separates (DGFEM_SHELL_GAP) or unglues (DGFEM_SHELL_HINGE) interior edges, or glues hinges again (DGFEM_SHELL_GLUED).
-   Nodes around which elements fall apart are doubled; fixtures hold all copies, forces and pins stay with one. On failure nothing has changed. */
+   Nodes around which elements fall apart are doubled; fixtures hold all copies, forces and pins stay with one. On
+   failure nothing has changed. */
 DGFEM_API dgfem_status dgfem_shell_cut_edges(dgfem_shell *shell, const int *edges, int count, dgfem_shell_joint joint);
 
 typedef struct dgfem_shell_cut_desc {
     unsigned cookie;
-    dgfem_plane plane;       /* of the cut */
-    int current;             /* 0: plane and segment are meant at rest; 1 (default): in the current positions */
-    int bounded;             /* 0 (default): all of the plane; 1: only elements whose part of the cut has its middle */
-    dgfem_vec3 from, to;     /*   between the planes through these points, perpendicular to the line from one to the other */
-    dgfem_real snap;         /* a corner nearer to the plane than this part of a crossed side counts as on it; default 0.1 */
+    dgfem_plane plane; /* of the cut */
+    int current;       /* 0: plane and segment are meant at rest; 1 (default): in the current positions */
+    int bounded;       /* 0 (default): all of the plane; 1: only elements whose part of the cut has its middle */
+    dgfem_vec3 from,
+        to;          /*   between the planes through these points, perpendicular to the line from one to the other */
+    dgfem_real snap; /* a corner nearer to the plane than this part of a crossed side counts as on it; default 0.1 */
     dgfem_shell_joint joint; /* default gap; glued only refines along the plane */
 } dgfem_shell_cut_desc;
 
 typedef struct dgfem_shell_cut_info {
-    int elements_split;      /* elements that were replaced by triangles */
-    int edges_cut;           /* edges along which the shell came apart */
+    int elements_split; /* elements that were replaced by triangles */
+    int edges_cut;      /* edges along which the shell came apart */
     int nodes_added;
-    int pieces;              /* connected components afterwards */
+    int pieces; /* connected components afterwards */
 } dgfem_shell_cut_info;
 
 DGFEM_API dgfem_shell_cut_desc dgfem_default_shell_cut_desc(void);
@@ -334,9 +336,9 @@ DGFEM_API dgfem_status dgfem_shell_pieces(const dgfem_shell *shell, int *count, 
 
 typedef struct dgfem_shell_surface_desc {
     unsigned cookie;
-    int subdivision;       /* each side of an element becomes this many; default 2 */
-    int sides;             /* 2 (default): both faces, half the thickness apart from the middle, closed by rims; 1: the */
-    dgfem_hooks hooks;     /*   middle surface */
+    int subdivision;   /* each side of an element becomes this many; default 2 */
+    int sides;         /* 2 (default): both faces, half the thickness apart from the middle, closed by rims; 1: the */
+    dgfem_hooks hooks; /*   middle surface */
 } dgfem_shell_surface_desc;
 
 typedef struct dgfem_shell_surface {
@@ -347,10 +349,10 @@ typedef struct dgfem_shell_surface {
     int *triangle_element; /* element of each triangle */
     int revision;          /* of the shell it was made for */
     int subdivision, sides;
-    int point_count;       /* points of the middle surface */
-    int *point_of;         /* for each element its points, row by row */
-    int *point_start;      /* [elements + 1] */
-    dgfem_real *half;      /* [points] half the thickness */
+    int point_count;  /* points of the middle surface */
+    int *point_of;    /* for each element its points, row by row */
+    int *point_start; /* [elements + 1] */
+    dgfem_real *half; /* [points] half the thickness */
     dgfem_hooks hooks;
 } dgfem_shell_surface;
 

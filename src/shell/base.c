@@ -97,7 +97,9 @@ static void dgfem_shelli_scratch_free(dgfem_shelli_scratch *scratch) {
     while (scratch->count) dgfem_shelli_free(scratch->hooks, scratch->blocks[--scratch->count]);
 }
 
-static double dgfem_shelli_clock(const dgfem_hooks *hooks) { return hooks->clock ? hooks->clock(hooks->clock_user) : 0; }
+static double dgfem_shelli_clock(const dgfem_hooks *hooks) {
+    return hooks->clock ? hooks->clock(hooks->clock_user) : 0;
+}
 
 /* ---- scalars and vectors ---- */
 

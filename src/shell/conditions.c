@@ -120,8 +120,7 @@ DGFEM_API dgfem_status dgfem_shell_fix_nodes(dgfem_shell *shell, const int *node
     if (!status) status = dgfem_shelli_check_vector(shell, displacement, "displacement");
     if (!status && (axes < 1 || axes > DGFEM_SHELL_XYZ))
         status = dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_ARGUMENT, "axes %d, expected 1..7", axes);
-    if (!status)
-        status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_FIX, nodes, count, id, &condition);
+    if (!status) status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_FIX, nodes, count, id, &condition);
     if (status) return status;
     condition->axes = axes;
     condition->vector = displacement;
@@ -148,8 +147,7 @@ DGFEM_API dgfem_status dgfem_shell_clamp(dgfem_shell *shell, const int *edges, i
     dgfem_shell_condition *condition;
     if (!shell) return DGFEM_ERROR_ARGUMENT;
     dgfem_status status = dgfem_shelli_check_boundary(shell, edges, count, 1);
-    if (!status)
-        status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_CLAMP, edges, count, id, &condition);
+    if (!status) status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_CLAMP, edges, count, id, &condition);
     if (!status) dgfem_shelli_refresh_edges(shell);
     return status;
 }
@@ -211,8 +209,7 @@ DGFEM_API dgfem_status dgfem_shell_set_moment(dgfem_shell *shell, const int *edg
     if (!shell) return DGFEM_ERROR_ARGUMENT;
     dgfem_status status = dgfem_shelli_check_boundary(shell, edges, count, 0);
     if (!status) status = dgfem_shelli_check_real(shell, moment, "moment");
-    if (!status)
-        status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_MOMENT, edges, count, id, &condition);
+    if (!status) status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_MOMENT, edges, count, id, &condition);
     if (status) return status;
     condition->scalar = moment;
     condition->follower = follower != 0;
@@ -269,8 +266,7 @@ DGFEM_API dgfem_status dgfem_shell_add_force(dgfem_shell *shell, const int *node
     if (!shell) return DGFEM_ERROR_ARGUMENT;
     dgfem_status status = dgfem_shelli_check_items(shell, nodes, count, shell->node_count, "node");
     if (!status) status = dgfem_shelli_check_vector(shell, force, "force");
-    if (!status)
-        status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_FORCE, nodes, count, id, &condition);
+    if (!status) status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_FORCE, nodes, count, id, &condition);
     if (!status) condition->vector = force;
     return status;
 }
@@ -280,8 +276,7 @@ DGFEM_API dgfem_status dgfem_shell_pin(dgfem_shell *shell, int node, dgfem_real 
     if (!shell) return DGFEM_ERROR_ARGUMENT;
     dgfem_status status = dgfem_shelli_check_items(shell, &node, 1, shell->node_count, "node");
     if (!status) status = dgfem_shelli_check_scalar(&shell->hooks, stiffness, 0, "stiffness");
-    if (!status)
-        status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_PIN, &node, 1, id, &condition);
+    if (!status) status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_PIN, &node, 1, id, &condition);
     if (status) return status;
     condition->scalar = stiffness;
     condition->vector = shell->position[node];

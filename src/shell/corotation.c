@@ -19,11 +19,11 @@ typedef struct dgfem_shelli_local {
 typedef struct dgfem_shelli_kinematics {
     int rows;
     dgfem_mat3 r;
-    dgfem_vec3 y[DGFEM_SHELLI_MAX_GROUP];      /* R^T x */
+    dgfem_vec3 y[DGFEM_SHELLI_MAX_GROUP]; /* R^T x */
     dgfem_real strain[DGFEM_SHELLI_MAX_ROWS];
-    dgfem_real stress[DGFEM_SHELLI_MAX_ROWS];  /* C strain, weight included */
-    dgfem_vec3 force[DGFEM_SHELLI_MAX_GROUP];  /* p_a, rotated frame; outer moments subtracted */
-    dgfem_mat3 spin[DGFEM_SHELLI_MAX_GROUP];   /* W_a; only where asked for */
+    dgfem_real stress[DGFEM_SHELLI_MAX_ROWS]; /* C strain, weight included */
+    dgfem_vec3 force[DGFEM_SHELLI_MAX_GROUP]; /* p_a, rotated frame; outer moments subtracted */
+    dgfem_mat3 spin[DGFEM_SHELLI_MAX_GROUP];  /* W_a; only where asked for */
 } dgfem_shelli_kinematics;
 
 static void dgfem_shelli_local_take(const dgfem_shell *shell, const dgfem_shelli_group *group, const dgfem_vec3 *x,
@@ -195,7 +195,8 @@ static dgfem_real dgfem_shelli_rotate_support(const dgfem_shell *shell, const dg
     dgfem_mat3 turn = dgfem_shelli_identity();
     if (condition->kind == DGFEM_SHELL_CONDITION_CLAMP) turn = dgfem_shelli_rotation_now(shell, condition);
     if (condition->kind == DGFEM_SHELL_CONDITION_ROTATION)
-        turn = dgfem_shelli_rotation(point->f1, -dgfem_shelli_scalar_now(shell, condition)); /* f1 runs against the element */
+        turn = dgfem_shelli_rotation(point->f1,
+                                     -dgfem_shelli_scalar_now(shell, condition)); /* f1 runs against the element */
     k->r = turn;
     if (condition->kind == DGFEM_SHELL_CONDITION_SYMMETRY && shell->desc.corotational)
         dgfem_shelli_rotate_in_plane(shell, point, local, condition->vector, spins, k);
@@ -268,7 +269,8 @@ static void dgfem_shelli_evaluate(const dgfem_shell *shell, const dgfem_shelli_g
         k->y[a] = dgfem_shelli_multiply_transposed(&k->r, local->x[a]);
         u[a] = dgfem_shelli_sub(k->y[a], local->rest[a]);
     }
-    for (int i = 0; i < k->rows; i++) k->strain[i] = dgfem_shelli_row_product(s + 3 * i * local->count, u, local->count);
+    for (int i = 0; i < k->rows; i++)
+        k->strain[i] = dgfem_shelli_row_product(s + 3 * i * local->count, u, local->count);
     if (k->rows == 2) k->strain[0] += prescribed;
     dgfem_shelli_apply_stiffness(point, k->rows, k->strain, k->stress);
     dgfem_shelli_point_forces(s, k->rows, k->stress, local->count, k->force);
@@ -333,8 +335,9 @@ static void dgfem_shelli_spin_strains(const dgfem_real *s, int rows, const dgfem
     }
 }
 
-/* The stiffness of a point as a product left^T right of `terms` rows each. Rows 0 .. rows - 1: S R^T and
-   C (frozen S R^T + S [y]x W), where frozen is 1 without damping. With spins three more: -(R [p]x)^T and W. Returns the number of terms. */
+/* The stiffness of a point as a product left^T right of `terms` rows each. Rows 0 .. rows - 1: S R^T and C (frozen S
+   R^T + S [y]x W), where frozen is 1 without damping. With spins three more: -(R [p]x)^T and W. Returns the number of
+   terms. */
 static int dgfem_shelli_point_terms(const dgfem_shell *shell, const dgfem_shelli_point *point,
                                     const dgfem_shelli_kinematics *k, int count, int spins, dgfem_real frozen,
                                     dgfem_real *left, dgfem_real *right) {
@@ -356,8 +359,8 @@ static int dgfem_shelli_point_terms(const dgfem_shell *shell, const dgfem_shelli
             p = dgfem_shelli_multiply3(&k->r, &p);
             for (int j = 0; j < 3; j++) {
                 for (int i = 0; i < rows; i++)
-                    right[i * width + 3 * a + j] += turned[3 * i] * w->m[0][j] + turned[3 * i + 1] * w->m[1][j] +
-                                                    turned[3 * i + 2] * w->m[2][j];
+                    right[i * width + 3 * a + j] +=
+                        turned[3 * i] * w->m[0][j] + turned[3 * i + 1] * w->m[1][j] + turned[3 * i + 2] * w->m[2][j];
                 for (int i = 0; i < 3; i++) {
                     left[(rows + i) * width + 3 * a + j] = -p.m[j][i];
                     right[(rows + i) * width + 3 * a + j] = w->m[i][j];

@@ -3,8 +3,8 @@
 /* Topology that changes: edges separated or turned into hinges, elements split along a plane.
 
    Every change builds a new topology beside the old one and takes its place only when all of it has succeeded. Middle
-   nodes tell edges apart, so that separating two elements means giving one of them a middle node of its own; corners are
-   doubled where the elements around them no longer hang together. */
+   nodes tell edges apart, so that separating two elements means giving one of them a middle node of its own; corners
+   are doubled where the elements around them no longer hang together. */
 
 DGFEM_API dgfem_shell_cut_desc dgfem_default_shell_cut_desc(void) {
     dgfem_shell_cut_desc desc;
@@ -24,8 +24,8 @@ typedef struct dgfem_shelli_edit {
     dgfem_shell_element *elements;
     int element_count, element_capacity, node_count, node_capacity;
     dgfem_vec3 *rest, *position, *velocity; /* [node_capacity] */
-    int *element_from; /* [element_capacity] the old element that an element is (a piece of) */
-    int *parent;    /* [node_capacity] the old node that a node copies, or DGFEM_NONE */
+    int *element_from;                      /* [element_capacity] the old element that an element is (a piece of) */
+    int *parent;                            /* [node_capacity] the old node that a node copies, or DGFEM_NONE */
     int *on_edge;   /* [node_capacity] of a new node: the old edge that it lies on, or DGFEM_NONE */
     int *edge_from; /* [node_capacity] of a middle node: the old edge that its edge is (a part of), or DGFEM_NONE */
     char *joint;    /* [node_capacity] of a middle node: what becomes of its edge */
@@ -41,8 +41,7 @@ static dgfem_status dgfem_shelli_edit_begin(dgfem_shelli_edit *edit, const dgfem
     edit->element_count = shell->element_count;
     edit->node_count = shell->node_count;
     size_t n = (size_t)nodes;
-    edit->elements =
-        (dgfem_shell_element *)dgfem_shelli_take(&edit->scratch, (size_t)elements, sizeof *edit->elements);
+    edit->elements = (dgfem_shell_element *)dgfem_shelli_take(&edit->scratch, (size_t)elements, sizeof *edit->elements);
     edit->rest = (dgfem_vec3 *)dgfem_shelli_take(&edit->scratch, n, sizeof(dgfem_vec3));
     edit->position = (dgfem_vec3 *)dgfem_shelli_take(&edit->scratch, n, sizeof(dgfem_vec3));
     edit->velocity = (dgfem_vec3 *)dgfem_shelli_take(&edit->scratch, n, sizeof(dgfem_vec3));
@@ -53,7 +52,7 @@ static dgfem_status dgfem_shelli_edit_begin(dgfem_shelli_edit *edit, const dgfem
     edit->joint = (char *)dgfem_shelli_take(&edit->scratch, n, 1);
     if (!edit->elements || !edit->rest || !edit->position || !edit->velocity || !edit->parent || !edit->edge_from ||
         !edit->joint || !edit->element_from || !edit->on_edge)
-        return dgfem_shelli_fail_memory(&shell->hooks);
+        return DGFEM_ERROR_MEMORY;
     memcpy(edit->elements, shell->elements, (size_t)shell->element_count * sizeof *edit->elements);
     memcpy(edit->rest, shell->rest, dgfem_shelli_bytes(shell));
     memcpy(edit->position, shell->position, dgfem_shelli_bytes(shell));
@@ -95,8 +94,8 @@ static int dgfem_shelli_root(int *parent, int i) {
     return i;
 }
 
-/* Elements as seen from their corners: number 4 e + k. Those joined around a node, through edges that are no gaps, become
-   one class. side_of[] ends as the last side 4 e + k at each middle node. */
+/* Elements as seen from their corners: number 4 e + k. Those joined around a node, through edges that are no gaps,
+   become one class. side_of[] ends as the last side 4 e + k at each middle node. */
 static void dgfem_shelli_join_corners(const dgfem_shelli_edit *edit, int *class_of, int *side_of) {
     for (int i = 0; i < 4 * edit->element_count; i++) class_of[i] = i;
     for (int i = 0; i < edit->node_count; i++) side_of[i] = DGFEM_NONE;
@@ -108,7 +107,8 @@ static void dgfem_shelli_join_corners(const dgfem_shelli_edit *edit, int *class_
             side_of[middle] = 4 * e + k;
             if (other == DGFEM_NONE || edit->joint[middle] == DGFEM_SHELL_GAP) continue;
             int f = other / 4, l = other % 4, count = dgfem_shelli_corners(&edit->elements[f]);
-            int next = 4 * e + (k + 1) % corners, after = 4 * f + (l + 1) % count; /* neighbours run against each other */
+            int next = 4 * e + (k + 1) % corners,
+                after = 4 * f + (l + 1) % count; /* neighbours run against each other */
             class_of[dgfem_shelli_root(class_of, 4 * e + k)] = dgfem_shelli_root(class_of, after);
             class_of[dgfem_shelli_root(class_of, next)] = dgfem_shelli_root(class_of, 4 * f + l);
         }
@@ -172,8 +172,9 @@ static dgfem_status dgfem_shelli_renew_condition(const dgfem_shelli_edit *edit, 
                                                  dgfem_shell_condition *out) {
     int nodal = old->kind == DGFEM_SHELL_CONDITION_FIX || old->kind == DGFEM_SHELL_CONDITION_FORCE ||
                 old->kind == DGFEM_SHELL_CONDITION_PIN;
-    int limit = nodal ? next->node_count : old->kind == DGFEM_SHELL_CONDITION_PRESSURE ? next->element_count
-                                                                                      : next->edge_count;
+    int limit = nodal                                         ? next->node_count
+                : old->kind == DGFEM_SHELL_CONDITION_PRESSURE ? next->element_count
+                                                              : next->edge_count;
     *out = *old;
     out->count = 0;
     for (int i = 0; i < old->count; i++) mark[old->items[i]] = 1;
@@ -182,7 +183,7 @@ static dgfem_status dgfem_shelli_renew_condition(const dgfem_shelli_edit *edit, 
     for (int i = 0, k = 0; out->items && i < limit; i++)
         if (dgfem_shelli_belongs(edit, next, old, mark, i)) out->items[k++] = i;
     for (int i = 0; i < old->count; i++) mark[old->items[i]] = 0;
-    return out->items ? DGFEM_OK : dgfem_shelli_fail_memory(&next->hooks);
+    return out->items ? DGFEM_OK : DGFEM_ERROR_MEMORY;
 }
 
 static dgfem_status dgfem_shelli_renew_conditions(dgfem_shelli_edit *edit, dgfem_shell *next) {
@@ -190,12 +191,11 @@ static dgfem_status dgfem_shelli_renew_conditions(dgfem_shelli_edit *edit, dgfem
     size_t items = (size_t)old->node_count + (size_t)old->edge_count + (size_t)old->element_count;
     char *mark = (char *)dgfem_shelli_take(&edit->scratch, items, 1);
     next->condition_count = 0;
-    next->conditions = (dgfem_shell_condition *)dgfem_shelli_allocate(
-        &next->hooks, (size_t)old->condition_capacity, sizeof *next->conditions);
-    if (!mark || !next->conditions) return dgfem_shelli_fail_memory(&next->hooks);
+    next->conditions = (dgfem_shell_condition *)dgfem_shelli_allocate(&next->hooks, (size_t)old->condition_capacity,
+                                                                      sizeof *next->conditions);
+    if (!mark || !next->conditions) return DGFEM_ERROR_MEMORY;
     for (int c = 0; c < old->condition_count; c++) {
-        dgfem_status status =
-            dgfem_shelli_renew_condition(edit, next, &old->conditions[c], mark, &next->conditions[c]);
+        dgfem_status status = dgfem_shelli_renew_condition(edit, next, &old->conditions[c], mark, &next->conditions[c]);
         if (status) return status;
         next->condition_count++;
     }
@@ -211,7 +211,7 @@ static dgfem_status dgfem_shelli_edit_build(dgfem_shelli_edit *edit, dgfem_shell
     next->element_count = edit->element_count;
     next->node_count = edit->node_count;
     if (!dgfem_shelli_allocate_elements(next) || !dgfem_shelli_allocate_nodes(next))
-        return dgfem_shelli_fail_memory(&next->hooks);
+        return DGFEM_ERROR_MEMORY;
     memcpy(next->elements, edit->elements, (size_t)next->element_count * sizeof *next->elements);
     memcpy(next->rest, edit->rest, dgfem_shelli_bytes(next));
     memcpy(next->position, edit->position, dgfem_shelli_bytes(next));
@@ -223,7 +223,6 @@ static dgfem_status dgfem_shelli_edit_build(dgfem_shelli_edit *edit, dgfem_shell
         if (!dgfem_shelli_is_boundary(&next->edges[i]))
             next->edges[i].joint = (dgfem_shell_joint)edit->joint[next->edges[i].node[2]];
     status = dgfem_shelli_system_create(next);
-    if (status == DGFEM_ERROR_MEMORY) return dgfem_shelli_fail_memory(&next->hooks);
     return status ? status : dgfem_shelli_renew_conditions(edit, next);
 }
 
@@ -231,7 +230,7 @@ static dgfem_status dgfem_shelli_edit_build(dgfem_shelli_edit *edit, dgfem_shell
 static dgfem_status dgfem_shelli_edit_commit(dgfem_shelli_edit *edit, dgfem_shell *shell, int *separated) {
     dgfem_shell next = *shell;
     *separated = dgfem_shelli_edit_separate(edit);
-    if (*separated < 0) return dgfem_shelli_fail_memory(&shell->hooks);
+    if (*separated < 0) return DGFEM_ERROR_MEMORY;
     next.rest = next.position = next.velocity = NULL;
     next.node_area = next.node_mass = next.node_load = next.node_half = next.node_spring = NULL;
     next.elements = NULL;
@@ -270,10 +269,25 @@ DGFEM_API dgfem_status dgfem_shell_cut_edges(dgfem_shell *shell, const int *edge
     for (int i = 0; !status && i < count; i++) edit.joint[shell->edges[edges[i]].node[2]] = (char)joint;
     if (!status) status = dgfem_shelli_edit_commit(&edit, shell, &separated);
     dgfem_shelli_scratch_free(&edit.scratch);
-    return status;
+    return status == DGFEM_ERROR_MEMORY ? dgfem_shelli_fail_memory(&shell->hooks) : status;
 }
 
 /* ---- pieces ---- */
+
+/* class_of and number have room for all elements; number[root of class_of] becomes the piece. */
+static int dgfem_shelli_count_pieces(const dgfem_shell *shell, int *class_of, int *number) {
+    int count = 0;
+    for (int e = 0; e < shell->element_count; e++) class_of[e] = e, number[e] = DGFEM_NONE;
+    for (int i = 0; i < shell->edge_count; i++)
+        if (!dgfem_shelli_is_boundary(&shell->edges[i]))
+            class_of[dgfem_shelli_root(class_of, shell->edges[i].element[0])] =
+                dgfem_shelli_root(class_of, shell->edges[i].element[1]);
+    for (int e = 0; e < shell->element_count; e++) {
+        int root = dgfem_shelli_root(class_of, e);
+        if (number[root] == DGFEM_NONE) number[root] = count++;
+    }
+    return count;
+}
 
 DGFEM_API dgfem_status dgfem_shell_pieces(const dgfem_shell *shell, int *count, int *piece) {
     if (!shell || !count) return DGFEM_ERROR_ARGUMENT;
@@ -284,17 +298,8 @@ DGFEM_API dgfem_status dgfem_shell_pieces(const dgfem_shell *shell, int *count, 
         dgfem_shelli_scratch_free(&scratch);
         return dgfem_shelli_fail_memory(&shell->hooks);
     }
-    for (int e = 0; e < shell->element_count; e++) class_of[e] = e, number[e] = DGFEM_NONE;
-    for (int i = 0; i < shell->edge_count; i++)
-        if (!dgfem_shelli_is_boundary(&shell->edges[i]))
-            class_of[dgfem_shelli_root(class_of, shell->edges[i].element[0])] =
-                dgfem_shelli_root(class_of, shell->edges[i].element[1]);
-    *count = 0;
-    for (int e = 0; e < shell->element_count; e++) {
-        int root = dgfem_shelli_root(class_of, e);
-        if (number[root] == DGFEM_NONE) number[root] = (*count)++;
-        if (piece) piece[e] = number[root];
-    }
+    *count = dgfem_shelli_count_pieces(shell, class_of, number);
+    for (int e = 0; piece && e < shell->element_count; e++) piece[e] = number[dgfem_shelli_root(class_of, e)];
     dgfem_shelli_scratch_free(&scratch);
     return DGFEM_OK;
 }

@@ -68,7 +68,8 @@ static void dgfem_shelli_add_side(const dgfem_shell *shell, dgfem_shell_system *
 
 /* Length per parameter and direction of the first side, as element[0] runs. */
 static dgfem_vec3 dgfem_shelli_side_tangent(const dgfem_shelli_frame *own, int nodes, int side) {
-    dgfem_shelli_parameter p = dgfem_shelli_corner(nodes, side), q = dgfem_shelli_corner(nodes, (side + 1) % (nodes / 2));
+    dgfem_shelli_parameter p = dgfem_shelli_corner(nodes, side),
+                           q = dgfem_shelli_corner(nodes, (side + 1) % (nodes / 2));
     return dgfem_shelli_axpy(dgfem_shelli_scale((q.a - p.a) / 2, own->e1), (q.b - p.b) / 2, own->e2);
 }
 

@@ -18,23 +18,23 @@ typedef enum dgfem_shelli_kind { DGFEM_SHELLI_ELEMENT, DGFEM_SHELLI_GLUE, DGFEM_
 /* The nodes of one element, or of the one or two elements at an edge, and its quadrature points. */
 typedef struct dgfem_shelli_group {
     dgfem_shelli_kind kind;
-    int owner;                   /* element or edge */
-    int sides;                   /* elements: 1 or 2 */
+    int owner; /* element or edge */
+    int sides; /* elements: 1 or 2 */
     int element[2];
     signed char local[2][DGFEM_SHELL_MAX_NODES]; /* where the nodes of each side stand among the group's */
-    int node_start, node_count;  /* range of system->nodes */
+    int node_start, node_count;                  /* range of system->nodes */
     int point_start, point_count;
-    size_t map_start;            /* of the n (n + 1) / 2 pairs (a >= b) in system->map */
+    size_t map_start; /* of the n (n + 1) / 2 pairs (a >= b) in system->map */
 } dgfem_shelli_group;
 
 typedef struct dgfem_shelli_point {
-    int basis[2];                /* of each side, in system->basis */
-    size_t strain_start;         /* S: rows x 3n, row-major */
-    size_t gradient_start;       /* D_a: n vectors */
-    dgfem_real c[12];            /* element: lower halves of w j Hn and w j Hm; edge: ds eta D / h, ds */
-    dgfem_vec3 t;                /* normal at rest */
-    dgfem_vec3 f1, f2;           /* edge: unit tangent (along element[0] reversed on the boundary), conormal */
-    dgfem_real weight;           /* w j, or ds: area or length at rest */
+    int basis[2];          /* of each side, in system->basis */
+    size_t strain_start;   /* S: rows x 3n, row-major */
+    size_t gradient_start; /* D_a: n vectors */
+    dgfem_real c[12];      /* element: lower halves of w j Hn and w j Hm; edge: ds eta D / h, ds */
+    dgfem_vec3 t;          /* normal at rest */
+    dgfem_vec3 f1, f2;     /* edge: unit tangent (along element[0] reversed on the boundary), conormal */
+    dgfem_real weight;     /* w j, or ds: area or length at rest */
 } dgfem_shelli_point;
 
 /* All basis functions at all quadrature points: elements, then sides, then the points of masses. */
@@ -55,17 +55,17 @@ struct dgfem_shell_system {
     int *nodes;
     dgfem_real *strains;
     dgfem_vec3 *gradients;
-    size_t *map;               /* value offset of each pair's block in the matrix */
-    dgfem_mat3 *rotations;     /* [points] of the last evaluation: where F has none, it is kept */
+    size_t *map;           /* value offset of each pair's block in the matrix */
+    dgfem_mat3 *rotations; /* [points] of the last evaluation: where F has none, it is kept */
     dgfem_shelli_basis basis[DGFEM_SHELLI_BASIS_COUNT];
     dgfem_matrix *matrix;
     dgfem_cholesky *cholesky;
-    size_t *diagonal;          /* [nodes] value offset of the diagonal blocks */
-    char *held;                /* [nodes] whether any direction is held */
-    dgfem_mat3 *free_part;     /* [nodes] projector on the directions that are free */
-    dgfem_vec3 *target;        /* [nodes] prescribed displacement, in the held directions */
-    dgfem_real part;           /* 0..1: how far loads and rotations of supports have gone from `before` to now; else 1 */
-    dgfem_real *work;          /* DGFEM_SHELLI_VECTORS vectors of all nodes */
+    size_t *diagonal;      /* [nodes] value offset of the diagonal blocks */
+    char *held;            /* [nodes] whether any direction is held */
+    dgfem_mat3 *free_part; /* [nodes] projector on the directions that are free */
+    dgfem_vec3 *target;    /* [nodes] prescribed displacement, in the held directions */
+    dgfem_real part;       /* 0..1: how far loads and rotations of supports have gone from `before` to now; else 1 */
+    dgfem_real *work;      /* DGFEM_SHELLI_VECTORS vectors of all nodes */
 };
 
 static void dgfem_shelli_tabulate(dgfem_shelli_basis *basis) {
@@ -94,8 +94,8 @@ static const dgfem_shelli_basis *dgfem_shelli_fine_basis(const dgfem_shell_syste
 static dgfem_real dgfem_shelli_fine_area(const dgfem_shelli_basis *f, const dgfem_vec3 *x, int nodes, int q) {
     dgfem_real weight;
     (void)dgfem_shelli_fine(nodes, q, &weight);
-    return weight * dgfem_shelli_norm(dgfem_shelli_cross(dgfem_shelli_sum(f->d1, x, nodes),
-                                                         dgfem_shelli_sum(f->d2, x, nodes)));
+    return weight *
+           dgfem_shelli_norm(dgfem_shelli_cross(dgfem_shelli_sum(f->d1, x, nodes), dgfem_shelli_sum(f->d2, x, nodes)));
 }
 
 /* Bending stiffness D and, with `squared` 1 in place of 3, membrane stiffness E h / (1 - nu^2). */
@@ -137,15 +137,15 @@ static void dgfem_shelli_membrane_rows(const dgfem_shelli_basis *f, const dgfem_
     }
 }
 
-/* One row of the bending strain rho_ab = -delta(phi_ab . t), for the second derivative phi_ab = `second` and that of the
-   shape functions `d`, times `factor`; eq. (28). */
+/* One row of the bending strain rho_ab = -delta(phi_ab . t), for the second derivative phi_ab = `second` and that of
+   the shape functions `d`, times `factor`; eq. (28). */
 static void dgfem_shelli_bending_row(const dgfem_shelli_basis *f, const dgfem_shelli_frame *frame, dgfem_vec3 second,
                                      const dgfem_real *d, dgfem_real factor, int n, dgfem_real *row) {
     dgfem_real curvature = dgfem_shelli_dot(second, frame->t);
-    dgfem_vec3 u = dgfem_shelli_axpy(dgfem_shelli_cross(second, frame->e2), curvature,
-                                     dgfem_shelli_cross(frame->e2, frame->t));
-    dgfem_vec3 v = dgfem_shelli_axpy(dgfem_shelli_cross(second, frame->e1), curvature,
-                                     dgfem_shelli_cross(frame->e1, frame->t));
+    dgfem_vec3 u =
+        dgfem_shelli_axpy(dgfem_shelli_cross(second, frame->e2), curvature, dgfem_shelli_cross(frame->e2, frame->t));
+    dgfem_vec3 v =
+        dgfem_shelli_axpy(dgfem_shelli_cross(second, frame->e1), curvature, dgfem_shelli_cross(frame->e1, frame->t));
     for (int a = 0; a < n; a++) {
         dgfem_vec3 b = dgfem_shelli_scale(f->d1[a] / frame->j, u);
         b = dgfem_shelli_axpy(b, -f->d2[a] / frame->j, v);
@@ -188,10 +188,10 @@ static dgfem_status dgfem_shelli_build_element(const dgfem_shell *shell, dgfem_s
         point->f2 = dgfem_shelli_cross(frame.t, point->f1);
         dgfem_shelli_membrane_rows(f, &frame, n, s);
         dgfem_shelli_bending_rows(f, &frame, n, s + 9 * n);
-        dgfem_shelli_hooke(&frame, element->material.poisson,
-                           point->weight * dgfem_shelli_membrane_stiffness(element), point->c);
-        dgfem_shelli_hooke(&frame, element->material.poisson,
-                           point->weight * dgfem_shelli_bending_stiffness(element), point->c + 6);
+        dgfem_shelli_hooke(&frame, element->material.poisson, point->weight * dgfem_shelli_membrane_stiffness(element),
+                           point->c);
+        dgfem_shelli_hooke(&frame, element->material.poisson, point->weight * dgfem_shelli_bending_stiffness(element),
+                           point->c + 6);
         for (int a = 0; a < n; a++)
             gradient[a] = dgfem_shelli_axpy(dgfem_shelli_scale(f->d1[a], frame.c1), f->d2[a], frame.c2);
     }

@@ -56,8 +56,7 @@ static void dgfem_shelli_add_line_load(const dgfem_shell *shell, const dgfem_she
             tangent = dgfem_shelli_axpy(tangent, d[1], shell->rest[node[1]]);
             tangent = dgfem_shelli_axpy(tangent, d[2], shell->rest[node[2]]);
             dgfem_real length = factor * dgfem_shelli_gauss_weight(q) * dgfem_shelli_norm(tangent);
-            for (int a = 0; a < 3; a++)
-                out[node[a]] = dgfem_shelli_axpy(out[node[a]], length * n[a], load);
+            for (int a = 0; a < 3; a++) out[node[a]] = dgfem_shelli_axpy(out[node[a]], length * n[a], load);
         }
     }
 }
@@ -105,8 +104,7 @@ static void dgfem_shelli_add_external(const dgfem_shell *shell, const dgfem_vec3
                                       dgfem_vec3 *out) {
     const dgfem_real *weight = lumped ? shell->node_mass : shell->node_load;
     dgfem_vec3 gravity = dgfem_shelli_between(shell, shell->gravity_before, shell->desc.gravity);
-    for (int i = 0; i < shell->node_count; i++)
-        out[i] = dgfem_shelli_axpy(out[i], factor * weight[i], gravity);
+    for (int i = 0; i < shell->node_count; i++) out[i] = dgfem_shelli_axpy(out[i], factor * weight[i], gravity);
     for (int c = 0; c < shell->condition_count; c++) {
         const dgfem_shell_condition *condition = &shell->conditions[c];
         if (condition->kind == DGFEM_SHELL_CONDITION_PRESSURE)
@@ -118,8 +116,8 @@ static void dgfem_shelli_add_external(const dgfem_shell *shell, const dgfem_vec3
         for (int i = 0; i < condition->count; i++) {
             dgfem_vec3 *to = &out[condition->items[i]], force = dgfem_shelli_vector_now(shell, condition);
             if (pin)
-                force = dgfem_shelli_scale(condition->scalar,
-                                           dgfem_shelli_sub(condition->vector, x[condition->items[i]]));
+                force =
+                    dgfem_shelli_scale(condition->scalar, dgfem_shelli_sub(condition->vector, x[condition->items[i]]));
             *to = dgfem_shelli_axpy(*to, factor, force);
         }
     }

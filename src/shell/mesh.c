@@ -202,7 +202,7 @@ static dgfem_status dgfem_shelli_place_middles(dgfem_shell *shell, const dgfem_s
 static dgfem_status dgfem_shelli_check_used(const dgfem_shell *shell) {
     dgfem_shelli_scratch scratch = dgfem_shelli_scratch_make(&shell->hooks);
     char *used = (char *)dgfem_shelli_take(&scratch, (size_t)shell->node_count, 1);
-    dgfem_status status = used ? DGFEM_OK : dgfem_shelli_fail_memory(&shell->hooks);
+    dgfem_status status = used ? DGFEM_OK : DGFEM_ERROR_MEMORY;
     for (int e = 0; !status && e < shell->element_count; e++)
         for (int a = 0; a < shell->elements[e].node_count; a++) used[shell->elements[e].node[a]] = 1;
     for (int i = 0; !status && i < shell->node_count; i++)
@@ -253,7 +253,7 @@ static dgfem_status dgfem_shelli_join_edge(dgfem_shell *shell, int e, int k, int
 static dgfem_status dgfem_shelli_connect(dgfem_shell *shell) {
     dgfem_shelli_scratch scratch = dgfem_shelli_scratch_make(&shell->hooks);
     int *edge_of = (int *)dgfem_shelli_take(&scratch, (size_t)shell->node_count, sizeof(int));
-    dgfem_status status = edge_of ? DGFEM_OK : dgfem_shelli_fail_memory(&shell->hooks);
+    dgfem_status status = edge_of ? DGFEM_OK : DGFEM_ERROR_MEMORY;
     shell->edge_count = 0;
     for (int i = 0; !status && i < shell->node_count; i++) edge_of[i] = DGFEM_NONE;
     for (int e = 0; !status && e < shell->element_count; e++) {

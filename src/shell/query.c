@@ -48,8 +48,8 @@ DGFEM_API dgfem_status dgfem_shell_evaluate(const dgfem_shell *shell, int elemen
     dgfem_shelli_basis_at(e->node_count, dgfem_shelli_parameter_make(a, b), &f);
     if (position) *position = dgfem_shelli_sum(f.n, x, e->node_count);
     if (normal)
-        *normal = dgfem_shelli_unit(dgfem_shelli_cross(dgfem_shelli_sum(f.d1, x, e->node_count),
-                                                       dgfem_shelli_sum(f.d2, x, e->node_count)));
+        *normal = dgfem_shelli_unit(
+            dgfem_shelli_cross(dgfem_shelli_sum(f.d1, x, e->node_count), dgfem_shelli_sum(f.d2, x, e->node_count)));
     return DGFEM_OK;
 }
 

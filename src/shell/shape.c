@@ -88,9 +88,7 @@ static dgfem_shelli_parameter dgfem_shelli_side(int nodes, int side, dgfem_real 
 enum { DGFEM_SHELLI_EDGE_POINTS = 3, DGFEM_SHELLI_MAX_POINTS = 4, DGFEM_SHELLI_MAX_FINE = 9 };
 
 /* Gauss-Legendre with three points on [-1, 1]. */
-static dgfem_real dgfem_shelli_gauss_point(int q) {
-    return (dgfem_real)((q - 1) * 0.77459666924148337704);
-}
+static dgfem_real dgfem_shelli_gauss_point(int q) { return (dgfem_real)((q - 1) * 0.77459666924148337704); }
 static dgfem_real dgfem_shelli_gauss_weight(int q) { return (dgfem_real)(q == 1 ? 8.0 / 9 : 5.0 / 9); }
 
 /* Points of the membrane and bending terms: 2 x 2 Gauss, for triangles 3 inside. More points lock. */
@@ -100,7 +98,8 @@ static dgfem_shelli_parameter dgfem_shelli_quadrature(int nodes, int q, dgfem_re
     const dgfem_real g = (dgfem_real)0.57735026918962576451;
     *weight = nodes == 8 ? DGFEM_R(1) : (dgfem_real)(1.0 / 6);
     if (nodes == 8) return dgfem_shelli_parameter_make(q & 1 ? g : -g, q & 2 ? g : -g);
-    return dgfem_shelli_parameter_make((dgfem_real)(q == 1 ? 2.0 / 3 : 1.0 / 6), (dgfem_real)(q == 2 ? 2.0 / 3 : 1.0 / 6));
+    return dgfem_shelli_parameter_make((dgfem_real)(q == 1 ? 2.0 / 3 : 1.0 / 6),
+                                       (dgfem_real)(q == 2 ? 2.0 / 3 : 1.0 / 6));
 }
 
 /* Points for area, mass and loads: 3 x 3 Gauss, for triangles 7 of degree 5. */
@@ -126,11 +125,11 @@ static dgfem_shelli_parameter dgfem_shelli_fine(int nodes, int q, dgfem_real *we
 /* ---- geometry of a point of a curved element ---- */
 
 typedef struct dgfem_shelli_frame {
-    dgfem_vec3 e1, e2;          /* covariant base vectors */
-    dgfem_vec3 e11, e22, e12;   /* second derivatives */
-    dgfem_vec3 c1, c2;          /* contravariant base vectors */
-    dgfem_vec3 t;               /* unit normal */
-    dgfem_real j;               /* area per parameter area */
+    dgfem_vec3 e1, e2;        /* covariant base vectors */
+    dgfem_vec3 e11, e22, e12; /* second derivatives */
+    dgfem_vec3 c1, c2;        /* contravariant base vectors */
+    dgfem_vec3 t;             /* unit normal */
+    dgfem_real j;             /* area per parameter area */
 } dgfem_shelli_frame;
 
 static dgfem_vec3 dgfem_shelli_sum(const dgfem_real *n, const dgfem_vec3 *x, int count) {

@@ -16,11 +16,11 @@ enum { DGFEM_SHELLI_MAX_POLYGON = 8 };
 typedef struct dgfem_shelli_splitter {
     dgfem_shelli_edit *edit;
     const dgfem_shell_cut_desc *desc;
-    dgfem_real *distance;      /* [old nodes] of corners from the plane */
-    signed char *side;         /* [old nodes] of corners */
-    char *cut;                 /* [old elements] whether the cut runs through */
-    dgfem_real *crossing;      /* [old edges] where a split edge is split, 0 < t < 1 from its start; 0: not split */
-    int *half;                 /* [2 * old edges] new middle nodes of a split edge */
+    dgfem_real *distance; /* [old nodes] of corners from the plane */
+    signed char *side;    /* [old nodes] of corners */
+    char *cut;            /* [old elements] whether the cut runs through */
+    dgfem_real *crossing; /* [old edges] where a split edge is split, 0 < t < 1 from its start; 0: not split */
+    int *half;            /* [2 * old edges] new middle nodes of a split edge */
     int elements_split;
 } dgfem_shelli_splitter;
 
@@ -139,9 +139,9 @@ typedef struct dgfem_shelli_polygon {
     int count;
     int node[DGFEM_SHELLI_MAX_POLYGON];
     dgfem_shelli_parameter at[DGFEM_SHELLI_MAX_POLYGON];
-    int side[DGFEM_SHELLI_MAX_POLYGON];                              /* of the plane */
-    int middle[DGFEM_SHELLI_MAX_POLYGON][DGFEM_SHELLI_MAX_POLYGON];  /* of the line between two points, or DGFEM_NONE */
-    dgfem_vec3 x[DGFEM_SHELLI_MAX_POLYGON];                          /* at rest */
+    int side[DGFEM_SHELLI_MAX_POLYGON];                             /* of the plane */
+    int middle[DGFEM_SHELLI_MAX_POLYGON][DGFEM_SHELLI_MAX_POLYGON]; /* of the line between two points, or DGFEM_NONE */
+    dgfem_vec3 x[DGFEM_SHELLI_MAX_POLYGON];                         /* at rest */
 } dgfem_shelli_polygon;
 
 static void dgfem_shelli_polygon_push(dgfem_shelli_polygon *polygon, const dgfem_shelli_edit *edit, int node,
@@ -165,7 +165,8 @@ static void dgfem_shelli_polygon_make(const dgfem_shelli_splitter *s, const dgfe
         forward = forward && edit->old->edges[index].side[0] == k;
         middle[polygon->count] = element->node[corners + k];
         if (t > 0) middle[polygon->count] = s->half[2 * index + !forward];
-        dgfem_shelli_polygon_push(polygon, edit, element->node[k], dgfem_shelli_corner(n, k), s->side[element->node[k]]);
+        dgfem_shelli_polygon_push(polygon, edit, element->node[k], dgfem_shelli_corner(n, k),
+                                  s->side[element->node[k]]);
         if (!(t > 0)) continue;
         middle[polygon->count] = s->half[2 * index + forward];
         dgfem_shelli_polygon_push(polygon, edit, element->node[corners + k],
@@ -195,7 +196,8 @@ static dgfem_real dgfem_shelli_badness(const dgfem_shelli_polygon *polygon, int 
     dgfem_vec3 a = dgfem_shelli_sub(polygon->x[j], polygon->x[i]), b = dgfem_shelli_sub(polygon->x[k], polygon->x[j]);
     dgfem_vec3 c = dgfem_shelli_sub(polygon->x[i], polygon->x[k]);
     dgfem_real flat = (q.a - p.a) * (r.b - p.b) - (q.b - p.b) * (r.a - p.a);
-    dgfem_real longest = dgfem_shelli_max(dgfem_shelli_dot(a, a), dgfem_shelli_max(dgfem_shelli_dot(b, b), dgfem_shelli_dot(c, c)));
+    dgfem_real longest =
+        dgfem_shelli_max(dgfem_shelli_dot(a, a), dgfem_shelli_max(dgfem_shelli_dot(b, b), dgfem_shelli_dot(c, c)));
     dgfem_real area = dgfem_shelli_norm(dgfem_shelli_cross(a, b));
     if (!(flat > DGFEM_R(1e-5)) || !(area > DGFEM_R(1e-12) * longest)) return DGFEM_R(1e30);
     return longest / area;
@@ -312,7 +314,8 @@ static int dgfem_shelli_mark_elements(dgfem_shelli_splitter *s, const dgfem_shel
 static dgfem_status dgfem_shelli_cut_elements(dgfem_shelli_splitter *s, dgfem_shell *shell,
                                               dgfem_shelli_scratch *scratch, dgfem_shell_cut_info *info) {
     dgfem_shelli_edit *edit = s->edit;
-    size_t nodes = (size_t)shell->node_count, elements = (size_t)shell->element_count, edges = (size_t)shell->edge_count;
+    size_t nodes = (size_t)shell->node_count, elements = (size_t)shell->element_count,
+           edges = (size_t)shell->edge_count;
     char *touched = (char *)dgfem_shelli_take(scratch, elements, 1);
     s->distance = (dgfem_real *)dgfem_shelli_take(scratch, nodes, sizeof(dgfem_real));
     s->side = (signed char *)dgfem_shelli_take(scratch, nodes, 1);
@@ -320,7 +323,7 @@ static dgfem_status dgfem_shelli_cut_elements(dgfem_shelli_splitter *s, dgfem_sh
     s->crossing = (dgfem_real *)dgfem_shelli_take(scratch, edges, sizeof(dgfem_real));
     s->half = (int *)dgfem_shelli_take(scratch, 2 * edges, sizeof(int));
     if (!touched || !s->distance || !s->side || !s->cut || !s->crossing || !s->half)
-        return dgfem_shelli_fail_memory(&shell->hooks);
+        return DGFEM_ERROR_MEMORY;
     edit->old = shell;
     dgfem_shelli_classify(s);
     int count = dgfem_shelli_mark_elements(s, shell, touched);
@@ -334,7 +337,11 @@ static dgfem_status dgfem_shelli_cut_elements(dgfem_shelli_splitter *s, dgfem_sh
     for (int e = 0; e < shell->element_count; e++)
         if (touched[e]) dgfem_shelli_divide(s, e);
     dgfem_shelli_cut_along(s);
+    int *class_of = (int *)dgfem_shelli_take(scratch, (size_t)edit->element_count, sizeof(int));
+    int *number = (int *)dgfem_shelli_take(scratch, (size_t)edit->element_count, sizeof(int));
+    if (!class_of || !number) return DGFEM_ERROR_MEMORY;
     status = dgfem_shelli_edit_commit(edit, shell, &info->edges_cut);
+    if (!status) info->pieces = dgfem_shelli_count_pieces(shell, class_of, number);
     info->elements_split = s->elements_split;
     return status;
 }
@@ -373,11 +380,8 @@ DGFEM_API dgfem_status dgfem_shell_cut_plane(dgfem_shell *shell, const dgfem_she
     status = dgfem_shelli_cut_elements(&splitter, shell, &scratch, &local);
     dgfem_shelli_scratch_free(&edit.scratch);
     dgfem_shelli_scratch_free(&scratch);
-    if (status) return status;
+    if (status) return status == DGFEM_ERROR_MEMORY ? dgfem_shelli_fail_memory(&shell->hooks) : status;
     local.nodes_added += shell->node_count;
-    if (info) {
-        *info = local;
-        return dgfem_shell_pieces(shell, &info->pieces, NULL);
-    }
+    if (info) *info = local;
     return DGFEM_OK;
 }

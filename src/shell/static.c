@@ -90,11 +90,11 @@ static dgfem_status dgfem_shelli_solve(dgfem_shell *shell, const dgfem_vec3 *rhs
 
 /* How a solve stands. */
 typedef struct dgfem_shelli_path {
-    dgfem_real part;        /* s */
-    dgfem_real scale;       /* size of the forces that balance */
-    dgfem_real stiffness;   /* largest diagonal, for the round-off of forces */
-    dgfem_real extent;      /* of the shell */
-    int search;             /* whether to search along the lines */
+    dgfem_real part;      /* s */
+    dgfem_real scale;     /* size of the forces that balance */
+    dgfem_real stiffness; /* largest diagonal, for the round-off of forces */
+    dgfem_real extent;    /* of the shell */
+    int search;           /* whether to search along the lines */
 } dgfem_shelli_path;
 
 /* r = F_ext - f_int at x, without the reactions of what is held; also sets the scale. */
@@ -244,14 +244,13 @@ static dgfem_status dgfem_shelli_increment(dgfem_shell *shell, const dgfem_vec3 
     dgfem_shelli_assemble_external(shell, x, !frozen, 1);
     path->stiffness = dgfem_shelli_shift_diagonal(shell, 0);
     memset(rhs, 0, dgfem_shelli_bytes(shell));
-    if (moves)
-        dgfem_matrix_multiply(shell->system->matrix, dgfem_shelli_reals(motion), dgfem_shelli_reals_of(rhs));
+    if (moves) dgfem_matrix_multiply(shell->system->matrix, dgfem_shelli_reals(motion), dgfem_shelli_reals_of(rhs));
     for (int i = 0; i < shell->node_count; i++) rhs[i] = dgfem_shelli_sub(r[i], rhs[i]);
     dgfem_shelli_hold_vector(shell, rhs);
     dgfem_shelli_hold_matrix(shell);
     info->seconds_assemble += dgfem_shelli_clock(&shell->hooks) - start;
-    dgfem_status status = shell->desc.corotational ? dgfem_shelli_factor_shifted(shell, info)
-                                                   : dgfem_shelli_factor(shell, info);
+    dgfem_status status =
+        shell->desc.corotational ? dgfem_shelli_factor_shifted(shell, info) : dgfem_shelli_factor(shell, info);
     if (!status) status = dgfem_shelli_solve(shell, rhs, solution, info);
     if (status) return status;
     dgfem_shelli_hold_vector(shell, solution);
@@ -299,7 +298,8 @@ static dgfem_status dgfem_shelli_iterate(dgfem_shell *shell, const dgfem_shell_s
     dgfem_vec3 *x = dgfem_shelli_vector(shell, DGFEM_SHELLI_X), *r = dgfem_shelli_vector(shell, DGFEM_SHELLI_RESIDUAL);
     dgfem_vec3 *best = dgfem_shelli_vector(shell, DGFEM_SHELLI_BEST);
     for (int iteration = 0; iteration < desc->max_iterations; iteration++) {
-        dgfem_real moved = dgfem_shelli_prescribed(shell, x, path->part, dgfem_shelli_vector(shell, DGFEM_SHELLI_MOTION));
+        dgfem_real moved =
+            dgfem_shelli_prescribed(shell, x, path->part, dgfem_shelli_vector(shell, DGFEM_SHELLI_MOTION));
         int moves = moved > 10 * DGFEM_SHELL_EPSILON * path->extent;
         if (iteration == 0) dgfem_shelli_residual(shell, x, path, r);
         int refine = !desc->frozen && shell->desc.corotational && iteration >= 3;
@@ -317,7 +317,8 @@ static dgfem_status dgfem_shelli_iterate(dgfem_shell *shell, const dgfem_shell_s
         dgfem_real residual = dgfem_shelli_length(shell, r);
         info->residual = path->scale > 0 ? residual / path->scale : 0;
         if (!dgfem_shelli_is_finite(residual)) return DGFEM_ERROR_NOT_CONVERGED;
-        if (!shell->desc.corotational || dgfem_shelli_converged(shell, path, desc->tolerance, residual)) return DGFEM_OK;
+        if (!shell->desc.corotational || dgfem_shelli_converged(shell, path, desc->tolerance, residual))
+            return DGFEM_OK;
     }
     return DGFEM_ERROR_NOT_CONVERGED;
 }

@@ -3,8 +3,8 @@
 /* Render surface: the curved elements evaluated on a lattice of parameters, with their exact normals, as one or two
    sheets of triangles, closed by rims along the boundary.
 
-   Points on sides are shared by the elements that meet there, corners by all around them. The lattice of a quadrilateral
-   has (m + 1)^2 points, row by row; row j of a triangle's has m + 1 - j. */
+   Points on sides are shared by the elements that meet there, corners by all around them. The lattice of a
+   quadrilateral has (m + 1)^2 points, row by row; row j of a triangle's has m + 1 - j. */
 
 DGFEM_API dgfem_shell_surface_desc dgfem_default_shell_surface_desc(void) {
     dgfem_shell_surface_desc desc;
@@ -83,7 +83,8 @@ static void dgfem_shelli_add_faces(dgfem_shell_surface *surface, const dgfem_she
         int n = shell->elements[e].node_count;
         const int *point = surface->point_of + surface->point_start[e];
         for (int j = 0; j < m; j++) {
-            const int *row = point + dgfem_shelli_row_start(n, m, j), *next = point + dgfem_shelli_row_start(n, m, j + 1);
+            const int *row = point + dgfem_shelli_row_start(n, m, j),
+                      *next = point + dgfem_shelli_row_start(n, m, j + 1);
             int length = dgfem_shelli_row_length(n, m, j);
             for (int i = 0; i + 1 < length; i++) {
                 if (n == 8) {

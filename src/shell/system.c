@@ -4,16 +4,16 @@
 
 /* Work vectors of all nodes. */
 enum {
-    DGFEM_SHELLI_X,        /* trial positions */
-    DGFEM_SHELLI_V,        /* trial velocities */
-    DGFEM_SHELLI_START,    /* positions at the beginning */
+    DGFEM_SHELLI_X,     /* trial positions */
+    DGFEM_SHELLI_V,     /* trial velocities */
+    DGFEM_SHELLI_START, /* positions at the beginning */
     DGFEM_SHELLI_RESIDUAL,
     DGFEM_SHELLI_FORCE,
     DGFEM_SHELLI_RHS,
     DGFEM_SHELLI_SOLUTION,
-    DGFEM_SHELLI_MOTION,   /* prescribed part of an increment */
+    DGFEM_SHELLI_MOTION, /* prescribed part of an increment */
     DGFEM_SHELLI_BEST,
-    DGFEM_SHELLI_KRYLOV,   /* and what follows: an orthonormal basis */
+    DGFEM_SHELLI_KRYLOV, /* and what follows: an orthonormal basis */
     DGFEM_SHELLI_VECTORS = DGFEM_SHELLI_KRYLOV + 10
 };
 
@@ -103,10 +103,9 @@ static int dgfem_shelli_lay_out(const dgfem_shell *shell, dgfem_shell_system *sy
                                dgfem_shelli_point_count(shell->elements[e].node_count), totals);
     for (int i = 0; i < shell->edge_count; i++)
         if (dgfem_shelli_edge_has_group(&shell->edges[i]))
-            dgfem_shelli_add_group(shell, system,
-                                   dgfem_shelli_is_boundary(&shell->edges[i]) ? DGFEM_SHELLI_BOUNDARY
-                                                                              : DGFEM_SHELLI_GLUE,
-                                   i, shell->edges[i].element, DGFEM_SHELLI_EDGE_POINTS, totals);
+            dgfem_shelli_add_group(
+                shell, system, dgfem_shelli_is_boundary(&shell->edges[i]) ? DGFEM_SHELLI_BOUNDARY : DGFEM_SHELLI_GLUE,
+                i, shell->edges[i].element, DGFEM_SHELLI_EDGE_POINTS, totals);
     system->strains = (dgfem_real *)dgfem_shelli_allocate(hooks, totals->strains, sizeof(dgfem_real));
     system->gradients = (dgfem_vec3 *)dgfem_shelli_allocate(hooks, totals->gradients, sizeof(dgfem_vec3));
     system->map = (size_t *)dgfem_shelli_allocate(hooks, totals->pairs, sizeof(size_t));
@@ -152,6 +151,7 @@ static dgfem_status dgfem_shelli_create_matrix(const dgfem_shell *shell, dgfem_s
         desc.pair_count = (int)pairs;
         desc.centres = shell->rest;
         desc.hooks = shell->hooks;
+        desc.hooks.log = NULL; /* the shell has its own line */
         status = dgfem_matrix_create(&desc, &system->matrix);
     }
     dgfem_shelli_scratch_free(&scratch);
@@ -213,7 +213,7 @@ static dgfem_status dgfem_shelli_system_create(dgfem_shell *shell) {
     for (int g = 0; g < system->group_count; g++) {
         const dgfem_shelli_group *group = &system->groups[g];
         dgfem_status status = group->kind == DGFEM_SHELLI_ELEMENT ? dgfem_shelli_build_element(shell, system, group)
-                                                                   : dgfem_shelli_build_edge(shell, system, group);
+                                                                  : dgfem_shelli_build_edge(shell, system, group);
         if (status) return status;
     }
     return dgfem_shelli_create_solver(shell, system, totals.pairs);
