@@ -12358,6 +12358,11 @@ static int dgfemi_element_contains(const dgfem_mesh *mesh, int element, dgfem_ve
 
 /* ---- search ---- */
 
+/* Whether the face's plane alone is farther away than `distance`, beyond round-off. */
+static int dgfemi_face_is_farther(const dgfem_face *face, dgfem_vec3 x, dgfem_real distance) {
+    return dgfemi_abs(dgfemi_dot(face->normal, dgfemi_sub(x, face->centre))) > DGFEM_R(1.001) * distance;
+}
+
 /* Squared distance from a box. */
 static dgfem_real dgfemi_box_square(dgfem_vec3 lower, dgfem_vec3 upper, dgfem_vec3 x) {
     dgfem_real dx = x.x < lower.x ? lower.x - x.x : x.x > upper.x ? x.x - upper.x : 0;
@@ -12379,8 +12384,11 @@ static void dgfemi_locator_try(const dgfemi_locator *locator, int element, dgfem
         dgfemi_box_distance(locator->lower[element], locator->upper[element], x) > location->distance)
         return;
     for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
-        dgfem_vec3 p = dgfemi_face_nearest(mesh, &mesh->faces[mesh->element_faces[k]], x);
-        dgfem_real distance = dgfemi_distance(p, x);
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        dgfem_vec3 p;
+        dgfem_real distance;
+        if (location->element != DGFEM_NONE && dgfemi_face_is_farther(face, x, location->distance)) continue;
+        p = dgfemi_face_nearest(mesh, face, x), distance = dgfemi_distance(p, x);
         if (location->element == DGFEM_NONE || distance < location->distance ||
             (!(distance > location->distance) && element < location->element)) {
             location->element = element;
@@ -12453,8 +12461,11 @@ static dgfemi_location dgfemi_locate_in(const dgfem_mesh *mesh, int element, dgf
     if (dgfemi_element_contains(mesh, element, x)) return location;
     location.distance = -1;
     for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
-        dgfem_vec3 p = dgfemi_face_nearest(mesh, &mesh->faces[mesh->element_faces[k]], x);
-        dgfem_real distance = dgfemi_distance(p, x);
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        dgfem_vec3 p;
+        dgfem_real distance;
+        if (location.distance >= 0 && dgfemi_face_is_farther(face, x, location.distance)) continue;
+        p = dgfemi_face_nearest(mesh, face, x), distance = dgfemi_distance(p, x);
         if (location.distance < 0 || distance < location.distance) location.distance = distance, location.nearest = p;
     }
     return location;
@@ -12840,6 +12851,8 @@ typedef struct dgfemi_query {
     dgfem_real *theta;  /* [samples] their windows */
     dgfem_real *weight; /* [samples] their weights */
     int count;
+    int *spare_sample; /* [samples] for sorting, as are */
+    dgfem_real *spare_theta;
 } dgfemi_query;
 
 static int dgfemi_query_make(dgfemi_arena *arena, dgfemi_sampling *sampling, dgfemi_query *query) {
@@ -12854,6 +12867,9 @@ static int dgfemi_query_make(dgfemi_arena *arena, dgfemi_sampling *sampling, dgf
     query->sample = (int *)dgfemi_arena_allocate(arena, samples, sizeof(int));
     query->theta = (dgfem_real *)dgfemi_arena_allocate(arena, samples, sizeof(dgfem_real));
     query->weight = (dgfem_real *)dgfemi_arena_allocate(arena, samples, sizeof(dgfem_real));
+    query->spare_sample = (int *)dgfemi_arena_allocate(arena, samples, sizeof(int));
+    query->spare_theta = (dgfem_real *)dgfemi_arena_allocate(arena, samples, sizeof(dgfem_real));
+    if (!query->spare_sample || !query->spare_theta) return 0;
     return query->element_mark && query->sample_mark && query->way && query->heap && query->visited && query->sample &&
            query->theta && query->weight;
 }
@@ -12929,8 +12945,7 @@ static void dgfemi_query_run(dgfemi_query *query, int home, dgfem_vec3 x) {
             if (query->element_mark[neighbour] == query->stamp) continue;
             query->element_mark[neighbour] = query->stamp;
             way = dgfemi_max(query->way[e], dgfemi_sampling_square(sampling, neighbour, x));
-            if (way < sampling->reach[neighbour] * sampling->reach[neighbour])
-                dgfemi_query_push(query, neighbour, way);
+            if (way < sampling->reach[neighbour] * sampling->reach[neighbour]) dgfemi_query_push(query, neighbour, way);
         }
     }
 }
@@ -13035,19 +13050,30 @@ static void dgfemi_query_normalize(dgfemi_query *query) {
     query->count = kept;
 }
 
-/* Samples in ascending order, each with its value: points that share samples read them alike. Shell's sort of some
-   fifty. */
-static void dgfemi_sort_samples(int *samples, dgfem_real *values, int count) {
-    int gap = 1;
-    while (gap < count / 3) gap = 3 * gap + 1;
-    for (; gap > 0; gap /= 3)
-        for (int i = gap; i < count; i++) {
-            int sample = samples[i], j = i;
-            dgfem_real value = values[i];
-            for (; j >= gap && samples[j - gap] > sample; j -= gap)
-                samples[j] = samples[j - gap], values[j] = values[j - gap];
-            samples[j] = sample, values[j] = value;
+#define DGFEM_DIGIT 6 /* bits */
+
+/* Samples and their theta in ascending order: points that share samples read them alike. Some fifty of thousands:
+   sorted by their digits, the lowest first. */
+static void dgfemi_query_sort(dgfemi_query *query) {
+    int digits = 1 << DGFEM_DIGIT;
+    for (int shift = 0; query->sampling->embedding->sample_count >> shift > 0; shift += DGFEM_DIGIT) {
+        int start[1 << DGFEM_DIGIT] = {0}, total = 0;
+        int *sample = query->sample;
+        dgfem_real *theta = query->theta;
+        for (int i = 0; i < query->count; i++) start[sample[i] >> shift & (digits - 1)]++;
+        for (int d = 0; d < digits; d++) {
+            int count = start[d];
+            start[d] = total;
+            total += count;
         }
+        for (int i = 0; i < query->count; i++) {
+            int to = start[sample[i] >> shift & (digits - 1)]++;
+            query->spare_sample[to] = sample[i];
+            query->spare_theta[to] = theta[i];
+        }
+        query->sample = query->spare_sample, query->spare_sample = sample;
+        query->theta = query->spare_theta, query->spare_theta = theta;
+    }
 }
 
 /* ==== embed_points.c ============================================================================================== */
@@ -13161,9 +13187,9 @@ static void dgfemi_places_find(dgfemi_locator *locator, const dgfem_vec3 *points
 
    After a change of topology most weights are as they were. A sample is the same if it has the same place and elements;
    it keeps the window that it had, so that weights around it do not change without a cause: where a window was enlarged
-   for the sake of a point that is better off now, it stays large. A point keeps its weights if its place, its element
-   and its samples are the same, and neither a changed element nor a new sample lies within reach. What does not keep its
-   weights gets new ones from all samples alike: the weights of a point never depend on what other points keep. */
+   for the sake of a point that is better off now, it stays large. So windows depend on what was before, but what must
+   hold of weights holds in any case. A point keeps its weights if its place, its element and its samples are the same,
+   and neither an element come or gone nor a new sample lies within reach. */
 
 /* A box that changes weights within `limit` of it, but not nearer than `from`. */
 typedef struct dgfemi_disturbance {
@@ -13354,8 +13380,7 @@ static int dgfemi_weights_append(dgfemi_weights *weights, const dgfemi_query *qu
     int needed = weights->used + query->count;
     if (query->count > INT_MAX - weights->used) return 0;
     if (needed > weights->sample_capacity) {
-        void *grown =
-            dgfemi_grow(weights->hooks, weights->sample, &weights->sample_capacity, needed, sizeof(int));
+        void *grown = dgfemi_grow(weights->hooks, weights->sample, &weights->sample_capacity, needed, sizeof(int));
         if (!grown) return 0;
         weights->sample = (int *)grown;
     }
@@ -13386,7 +13411,7 @@ static int dgfemi_weights_try(dgfemi_weights *weights, dgfemi_query *query, int 
             query->count == sampling->component_samples[sampling->component[home]]; /* there are no more */
     if (!found && query->count < DGFEM_MIN_POINT_SAMPLES) return 1;
     dgfemi_query_normalize(query);
-    dgfemi_sort_samples(query->sample, query->theta, query->count);
+    dgfemi_query_sort(query);
     dgfemi_query_fit(query, x, &fit);
     if (!found && round < DGFEM_CONDITION_ROUNDS && !(fit.moment[0] * DGFEM_MAX_CONDITION > fit.moment[2])) return 1;
     if (dgfemi_fit_is_flat(&fit)) {
@@ -13478,8 +13503,9 @@ static int dgfemi_weights_make(dgfemi_arena *arena, dgfemi_weights *weights, dgf
     return 1;
 }
 
-/* The old weights of a point. */
-static void dgfemi_reuse_weights(const dgfemi_reuse *reuse, int point, int *samples, dgfem_real *weights) {
+/* The old weights of a point; sorted in the query, whose samples may number as many. */
+static void dgfemi_reuse_weights(const dgfemi_reuse *reuse, int point, dgfemi_query *query, int *samples,
+                                 dgfem_real *weights) {
     const dgfem_embedding *old = reuse->old;
     int first = old->weight_start[point], count = old->weight_start[point + 1] - first, sorted = 1;
     memcpy(weights, old->weight + first, (size_t)count * sizeof(dgfem_real));
@@ -13487,12 +13513,18 @@ static void dgfemi_reuse_weights(const dgfemi_reuse *reuse, int point, int *samp
         samples[i] = reuse->new_sample[old->weight_sample[first + i]];
         if (i > 0 && samples[i] < samples[i - 1]) sorted = 0;
     }
-    if (!sorted) dgfemi_sort_samples(samples, weights, count);
+    if (sorted) return;
+    query->count = count;
+    memcpy(query->sample, samples, (size_t)count * sizeof(int));
+    memcpy(query->theta, weights, (size_t)count * sizeof(dgfem_real));
+    dgfemi_query_sort(query);
+    memcpy(samples, query->sample, (size_t)count * sizeof(int));
+    memcpy(weights, query->theta, (size_t)count * sizeof(dgfem_real));
 }
 
 /* All points' weights, kept or new, in the order of the points. 1 on success. */
-static int dgfemi_embedding_gather(dgfem_embedding *embedding, const dgfemi_weights *weights,
-                                   const dgfemi_reuse *reuse) {
+static int dgfemi_embedding_gather(dgfem_embedding *embedding, const dgfemi_weights *weights, const dgfemi_reuse *reuse,
+                                   dgfemi_query *query) {
     int total = 0;
     for (int p = 0; p < embedding->point_count; p++) {
         int count = reuse->keep[p] ? reuse->old->weight_start[p + 1] - reuse->old->weight_start[p] : weights->count[p];
@@ -13508,7 +13540,7 @@ static int dgfemi_embedding_gather(dgfem_embedding *embedding, const dgfemi_weig
         int *samples = embedding->weight_sample + embedding->weight_start[p];
         dgfem_real *values = embedding->weight + embedding->weight_start[p];
         if (reuse->keep[p]) {
-            dgfemi_reuse_weights(reuse, p, samples, values);
+            dgfemi_reuse_weights(reuse, p, query, samples, values);
             continue;
         }
         memcpy(samples, weights->sample + weights->first[p], (size_t)weights->count[p] * sizeof(int));
@@ -13538,7 +13570,7 @@ static int dgfemi_embedding_weigh(dgfemi_arena *arena, dgfem_embedding *embeddin
     }
     for (int p = 0; p < embedding->point_count; p++) weights.open[p] = !reuse->keep[p];
     ok = dgfemi_weights_make(arena, &weights, query, &crowds, reuse) &&
-         dgfemi_embedding_gather(embedding, &weights, reuse);
+         dgfemi_embedding_gather(embedding, &weights, reuse, query);
     dgfemi_free(&embedding->hooks, weights.sample);
     dgfemi_free(&embedding->hooks, weights.weight);
     return ok;
@@ -19799,8 +19831,7 @@ static int dgfemi_skin_keep_places(const dgfemi_skin_cutter *c, const dgfemi_pla
     skin->embedding->hooks = *c->hooks;
     skin->embedding->points = (dgfem_vec3 *)dgfemi_allocate(c->hooks, count, sizeof(dgfem_vec3));
     skin->embedding->point_element = (int *)dgfemi_duplicate(c->hooks, places->element, count, sizeof(int));
-    skin->embedding->point_window =
-        (dgfem_vec3 *)dgfemi_duplicate(c->hooks, places->window, count, sizeof(dgfem_vec3));
+    skin->embedding->point_window = (dgfem_vec3 *)dgfemi_duplicate(c->hooks, places->window, count, sizeof(dgfem_vec3));
     if (!skin->embedding->points || !skin->embedding->point_element || !skin->embedding->point_window) return 0;
     for (size_t i = 0; i < count; i++) {
         skin->embedding->points[i] = c->vertices[i].rest;
@@ -19820,7 +19851,8 @@ static dgfem_status dgfemi_skin_result(dgfemi_skin_cutter *c, const dgfem_embedd
     if (!skin || !dgfemi_skin_find_places(&arena, c, &places) || !dgfemi_skin_result_allocate(c, skin))
         status = dgfemi_fail_memory(hooks);
     if (status == DGFEM_OK) dgfemi_skin_result_fill(c, skin);
-    if (status == DGFEM_OK && !weights && !dgfemi_skin_keep_places(c, &places, skin)) status = dgfemi_fail_memory(hooks);
+    if (status == DGFEM_OK && !weights && !dgfemi_skin_keep_places(c, &places, skin))
+        status = dgfemi_fail_memory(hooks);
     if (status == DGFEM_OK && weights) {
         rest =
             dgfem_points_in_vec3((const dgfem_vec3 *)(const void *)c->vertices, c->vertex_count); /* its first member */
@@ -20267,6 +20299,7 @@ typedef struct dgfemi_cutter {
     dgfemi_ints walls, group;
     dgfemi_vectors points; /* of an element's cross-section: the ends of its segments, in pairs */
     dgfemi_vectors places; /* of one face, as found */
+    dgfem_real slack;      /* the farthest that a plane had to give way */
     int elements_split, faces_cut;
 } dgfemi_cutter;
 
@@ -20553,7 +20586,11 @@ static dgfem_status dgfemi_cutter_split_alone(dgfemi_cutter *cutter, const dgfem
         dgfem_plane plane = s->plane;
         plane.offset += (dgfem_real)shifts[i] * radius;
         dgfem_status status = dgfemi_cutter_split_by(cutter, plane);
-        if (status == DGFEM_ERROR_MEMORY || (!status && cutter->splitter.selected.count > 0)) return status;
+        if (status == DGFEM_ERROR_MEMORY) return status;
+        if (!status && cutter->splitter.selected.count > 0) {
+            cutter->slack = dgfemi_max(cutter->slack, dgfemi_abs((dgfem_real)shifts[i]) * radius);
+            return DGFEM_OK;
+        }
         if (!status) break; /* the plane runs along it, but for round-off */
     }
     cutter->side[s->element] = height >= 0 ? 1 : -1;
@@ -20878,8 +20915,9 @@ static int dgfemi_cutter_is_thread(const dgfemi_cutter *cutter, int f, dgfem_vec
     const dgfem_face *face = &mesh->faces[f];
     int a = face->element[0], b = face->element[1];
     dgfem_vec3 at = dgfemi_cutter_place(cutter, a, inner), there = dgfemi_cutter_place(cutter, b, inner);
-    dgfem_real jump = 2 * dgfemi_distance(at, there);
-    dgfem_real width = dgfemi_max(jump, cutter->snap * dgfemi_min(mesh->elements[a].radius, mesh->elements[b].radius));
+    dgfem_real radius = dgfemi_max(mesh->elements[a].radius, mesh->elements[b].radius);
+    dgfem_real width = 2 * dgfemi_max(dgfemi_distance(at, there), cutter->snap * radius);
+    width = dgfemi_max(width, 2 * cutter->slack);
     width = dgfemi_max(width, dgfemi_field_bend(cutter->edit, dgfemi_field_of(cutter->edit, a)));
     width = dgfemi_max(width, dgfemi_field_bend(cutter->edit, dgfemi_field_of(cutter->edit, b)));
     if (!(face->area <= width * dgfemi_face_radius(mesh, face))) return 0;

@@ -335,7 +335,101 @@ static void test_halves_move_apart(void **state) {
     dgfem_body_destroy(body);
 }
 
+/* Two bent strips of triangles through a body leave two pieces, at rest, shaken and hanging: elements do not agree where
+   the crease is, and no thread of glue may be left there. */
+static void test_bent_surface(void **state) {
+    (void)state;
+    check_random random = check_random_seeded(77);
+    for (int k = 0; k < 9; k++) {
+        dgfem_body *body = grid_body(4, 3, 3, 1, NULL);
+        double vertices[12], x = check_random_real(&random, 1.2, 2.7), slope = check_random_real(&random, -0.2, 0.2);
+        const int triangles[6] = {0, 1, 2, 1, 3, 2};
+        dgfem_piece pieces[4];
+        if (k % 3 == 1) shake(body, &random, 1e-3);
+        if (k % 3 == 2) {
+            clamp_at_x(body, 0);
+            for (int i = 0; i < 10; i++) check_status(dgfem_body_step(body, (dgfem_real)(1 / 60.0), NULL), DGFEM_OK);
+        }
+        for (int i = 0; i < 4; i++) {
+            double y = i < 2 ? -3 : 6, z = i % 2 ? 6 : -6;
+            vertices[3 * i] = x + slope * y + 0.1 * z + check_random_real(&random, -0.15, 0.15);
+            vertices[3 * i + 1] = y, vertices[3 * i + 2] = z;
+        }
+        check_status(dgfem_body_cut_surface(body, dgfem_points_in_double(vertices, 4), triangles, 2, NULL, NULL),
+                     DGFEM_OK);
+        check_status(dgfem_mesh_check(body->mesh), DGFEM_OK);
+        assert_int_equal(piece_count(body, pieces, 4), 2);
+        check_near(pieces[0].volume + pieces[1].volume, 36, 1e4 * quiet);
+        dgfem_body_destroy(body);
+    }
+}
+
+/* A tetrahedron is cut out of the middle of a block. */
+static void test_closed_surface(void **state) {
+    (void)state;
+    check_random random = check_random_seeded(20);
+    const int triangles[12] = {0, 1, 2, 0, 3, 1, 1, 3, 2, 2, 3, 0};
+    dgfem_cut_desc desc = dgfem_default_cut_desc();
+    desc.snap = desc.sliver = 0;
+    for (int k = 0; k < 12; k++) {
+        const double base[12] = {0.5, 0.5, 0.5, 2.5, 0.6, 0.5, 0.7, 2.4, 0.6, 1, 1, 2.5};
+        double vertices[12];
+        dgfem_vec3 v[4];
+        dgfem_piece pieces[3];
+        dgfem_body *body = grid_body(3, 3, 3, 1, NULL);
+        for (int i = 0; i < 12; i++) vertices[i] = base[i] + check_random_real(&random, -0.3, 0.3);
+        for (int i = 0; i < 4; i++) v[i] = vec3(vertices[3 * i], vertices[3 * i + 1], vertices[3 * i + 2]);
+        check_status(dgfem_body_cut_surface(body, dgfem_points_in_double(vertices, 4), triangles, 4, &desc, NULL),
+                     DGFEM_OK);
+        check_status(dgfem_mesh_check(body->mesh), DGFEM_OK);
+        assert_int_equal(piece_count(body, pieces, 3), 2);
+        double expected = fabs((double)dgfemi_dot(dgfemi_sub(v[1], v[0]),
+                                                  dgfemi_cross(dgfemi_sub(v[2], v[0]), dgfemi_sub(v[3], v[0])))) /
+                          6;
+        check_near(pieces[1].volume, expected, (DGFEM_REAL_IS_FLOAT ? 1e-4 : 1e-5) * expected);
+        dgfem_body_destroy(body);
+    }
+}
+
 /* ---- what stays ---- */
+
+/* A union has the tag of its largest part. */
+static void test_tag_of_a_union(void **state) {
+    (void)state;
+    dgfem_body *body = grid_body(2, 1, 1, 1, NULL);
+    dgfem_cut_desc desc = dgfem_default_cut_desc();
+    dgfem_cut_info info;
+    desc.sliver = (dgfem_real)0.02;
+    body->mesh->elements[0].tag = 10, body->mesh->elements[1].tag = 20;
+    check_status(dgfem_body_cut_plane(body, plane(-1, 0, 0, -0.99), &desc, &info), DGFEM_OK);
+    assert_int_equal(info.slivers_merged, 1);
+    assert_int_equal(body->mesh->element_count, 2);
+    for (int e = 0; e < 2; e++) {
+        const dgfem_element *element = &body->mesh->elements[e];
+        assert_int_equal(element->tag, element->centre.x > 1 ? 20 : 10);
+        check_near(element->volume, element->centre.x > 1 ? 1.01 : 0.99, 16 * quiet);
+    }
+    dgfem_body_destroy(body);
+}
+
+/* Mesh and body may have different allocators. */
+static void test_two_allocators(void **state) {
+    (void)state;
+    check_host host;
+    dgfem_hooks hooks = check_hooks(&host);
+    dgfem_body_desc desc = dgfem_default_body_desc();
+    dgfem_grid_desc grid = dgfem_default_grid_desc();
+    const double bracket[] = {0.4, 0.2, 0.2, 0.4, 0.7, 0.2, 0.4, 0.7, 0.7, 0.4, 0.5, 0.7, 0.4, 0.5, 0.5, 0.4, 0.2, 0.5};
+    dgfem_body *body;
+    grid.cells[0] = grid.cells[1] = grid.cells[2] = 3;
+    check_status(dgfem_mesh_create_grid(&grid, &desc.mesh), DGFEM_OK);
+    desc.hooks = hooks;
+    check_status(dgfem_body_create(&desc, &body), DGFEM_OK);
+    check_status(dgfem_body_cut_polygon(body, dgfem_points_in_double(bracket, 6), NULL, NULL), DGFEM_OK);
+    check_status(dgfem_body_cut_plane(body, plane(1, 2, 3, 2.5), NULL, NULL), DGFEM_OK);
+    dgfem_body_destroy(body);
+    assert_int_equal(host.live, 0);
+}
 
 static void test_conditions_stay(void **state) {
     (void)state;
@@ -737,6 +831,10 @@ int main(void) {
         cmocka_unit_test(test_shapes),
         cmocka_unit_test(test_deformed_caps_are_flat),
         cmocka_unit_test(test_halves_move_apart),
+        cmocka_unit_test(test_bent_surface),
+        cmocka_unit_test(test_closed_surface),
+        cmocka_unit_test(test_tag_of_a_union),
+        cmocka_unit_test(test_two_allocators),
         cmocka_unit_test(test_conditions_stay),
         cmocka_unit_test(test_forms_are_those_of_a_new_body),
         cmocka_unit_test(test_random_cuts),

@@ -587,6 +587,47 @@ static void test_nearest_element(void **state) {
     dgfem_mesh_destroy(mesh);
 }
 
+/* What dgfemi_element_contains says, without rays: on a face, or by the solid angles of all faces. */
+static int contains_by_angles(const dgfem_mesh *mesh, int element, dgfem_vec3 x) {
+    const dgfem_element *e = &mesh->elements[element];
+    for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        dgfem_real height = dgfemi_dot(face->normal, dgfemi_sub(x, face->centre));
+        if (dgfemi_abs(height) > DGFEM_ON_FACE * e->radius) continue;
+        if (dgfemi_face_covers(mesh, face, dgfemi_add_scaled(x, -height, face->normal))) return 1;
+    }
+    return dgfemi_element_winds_around(mesh, element, x);
+}
+
+/* Rays tell the same as solid angles: anywhere, and level with vertices, edges and faces, which rays then meet. */
+static void test_containing_elements(void **state) {
+    check_random random = check_random_seeded(16);
+    dgfem_mesh *meshes[4];
+    (void)state;
+    meshes[0] = cubes(3, 2, 2), meshes[1] = tetrahedra(2), meshes[2] = polyhedra(2, 4, &random);
+    meshes[3] = sliced_sphere(1, 3, NULL, NULL);
+    for (int m = 0; m < 4; m++) {
+        dgfem_mesh *mesh = meshes[m];
+        int inside = 0, outside = 0;
+        for (int i = 0; i < 6000; i++) {
+            int element = check_random_int(&random, mesh->element_count), contained;
+            dgfem_vec3 lower, upper, x, v = mesh->vertices[check_random_int(&random, mesh->vertex_count)];
+            dgfemi_mesh_element_box(mesh, element, &lower, &upper);
+            x.x = (dgfem_real)check_random_real(&random, (double)lower.x, (double)upper.x);
+            x.y = (dgfem_real)check_random_real(&random, (double)lower.y, (double)upper.y);
+            x.z = (dgfem_real)check_random_real(&random, (double)lower.z, (double)upper.z);
+            if (i & 1) x.y = v.y;
+            if (i & 2) x.z = v.z;
+            if (i & 4) x = dgfemi_add_scaled(x, DGFEM_R(0.5), dgfemi_sub(mesh->elements[element].centre, x));
+            contained = dgfemi_element_contains(mesh, element, x);
+            assert_int_equal(contained, contains_by_angles(mesh, element, x));
+            inside += contained, outside += !contained;
+        }
+        assert_true(inside > 1000 && outside > 300);
+    }
+    for (int m = 0; m < 4; m++) dgfem_mesh_destroy(meshes[m]);
+}
+
 /* A non-convex element, an L, around a cube: points in the plane of its faces but outside of it are the hard ones. */
 static void test_non_convex_element(void **state) {
     check_random random = check_random_seeded(13);
@@ -777,6 +818,7 @@ int main(void) {
         cmocka_unit_test(test_cut_separates),
         cmocka_unit_test(test_points_find_their_cubes),
         cmocka_unit_test(test_nearest_element),
+        cmocka_unit_test(test_containing_elements),
         cmocka_unit_test(test_non_convex_element),
         cmocka_unit_test(test_same_bits_for_any_ranges),
         cmocka_unit_test(test_points_of_any_layout),

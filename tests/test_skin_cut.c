@@ -709,6 +709,118 @@ static void test_kept_weights(void **state) {
     }
 }
 
+/* Weights sum to one, keep places (sum of weight * sample = point), and join nothing that is cut apart. */
+static void check_weights(const dgfem_body *body, const dgfem_embedding *embedding, double tolerance) {
+    int *piece = (int *)malloc(sizeof(int) * (size_t)body->mesh->element_count), count;
+    check_status(dgfem_body_pieces(body, piece, NULL, 0, &count), DGFEM_OK);
+    for (int p = 0; p < embedding->point_count; p++) {
+        double sum = 0;
+        dgfem_vec3 x = vec3(0, 0, 0);
+        int home = piece[embedding->point_element[p]];
+        for (int i = embedding->weight_start[p]; i < embedding->weight_start[p + 1]; i++) {
+            int s = embedding->weight_sample[i];
+            sum += (double)embedding->weight[i];
+            x = dgfemi_add_scaled(x, embedding->weight[i], embedding->samples[s]);
+            assert_true(i == embedding->weight_start[p] || s > embedding->weight_sample[i - 1]);
+            for (int t = embedding->term_start[s]; t < embedding->term_start[s + 1]; t++)
+                assert_int_equal(piece[embedding->term_element[t]], home);
+        }
+        check_near(sum, 1, tolerance);
+        check_near3(x, embedding->points[p], tolerance);
+    }
+    free(piece);
+}
+
+/* Points whose weights are the same bits as before. */
+static int count_kept(const dgfem_embedding *before, const dgfem_embedding *after) {
+    int kept = 0;
+    for (int p = 0; p < before->point_count; p++) {
+        int a = before->weight_start[p], b = after->weight_start[p], n = before->weight_start[p + 1] - a;
+        if (after->weight_start[p + 1] - b != n) continue;
+        kept += memcmp(before->weight + a, after->weight + b, sizeof *after->weight * (size_t)n) == 0;
+    }
+    return kept;
+}
+
+/* Of the corners at x; 0: there is none. */
+static dgfem_real largest_window(const dgfem_embedding *embedding, dgfem_vec3 x) {
+    dgfem_real largest = 0;
+    for (int s = embedding->element_count; s < embedding->sample_count; s++)
+        if (dgfemi_same_position(embedding->samples[s], x)) largest = dgfemi_max(largest, embedding->sample_radius[s]);
+    return largest;
+}
+
+/* Cut after cut of a living body, by planes and slits: what is kept is as good as what is new. Samples keep the windows
+   that they had, which may only grow, so weights depend on what was before; what must hold of weights always holds. */
+static void test_history(void **state) {
+    dgfem_mesh *mesh;
+    dgfem_body_desc desc = dgfem_default_body_desc();
+    dgfem_cut_desc cut = dgfem_default_cut_desc();
+    dgfem_body *body;
+    dgfem_skin *skin;
+    dgfem_vec3 polygon[4];
+    dgfem_real *areas;
+    double tolerance = DGFEM_REAL_IS_FLOAT ? 3e-5 : 1e-13;
+    int original;
+    (void)state;
+    make_ball(&s0, 16, 24);
+    mesh = slices(&s0, 9);
+    desc.mesh = mesh;
+    check_status(dgfem_body_create(&desc, &body), DGFEM_OK);
+    skin = skin_of(body, &s0, NULL), original = skin->vertex_count;
+    areas = (dgfem_real *)malloc(sizeof *areas * (size_t)original);
+    for (int v = 0; v < original; v++) areas[v] = DGFEM_R(0.01);
+    check_status(dgfem_body_set_contact_points(body, dgfem_points_in_vec3(s0.vertices, original), areas), DGFEM_OK);
+    polygon[0] = vec3(-2, 0.1, -2), polygon[1] = vec3(0.3, 0.13, -2), polygon[2] = vec3(0.3, 0.13, 2);
+    polygon[3] = vec3(-2, 0.1, 2);
+    cut.skins = &skin, cut.skin_count = 1;
+    for (int i = 0; i < 7; i++) {
+        static const double planes[6][4] = {{1, 0.02, 0, 0.83}, {1, 0.1, 0.1, 0.4},  {0, 0.1, 1, -0.75},
+                                            {0, 0, 1, 0.93},    {0.1, 1, 0.2, -0.6}, {1, 1, 1, 0.1}};
+        const dgfem_embedding *e = skin->embedding;
+        dgfem_embedding before = *e;
+        size_t samples = (size_t)e->sample_count, points = (size_t)e->point_count;
+        dgfem_plane plane = plane_of(planes[i % 6][0], planes[i % 6][1], planes[i % 6][2], planes[i % 6][3]);
+        int kept;
+        before.weight_start = (int *)dgfemi_duplicate(&e->hooks, e->weight_start, points + 1, sizeof(int));
+        before.weight =
+            (dgfem_real *)dgfemi_duplicate(&e->hooks, e->weight, (size_t)e->weight_start[points], sizeof(dgfem_real));
+        before.samples = (dgfem_vec3 *)dgfemi_duplicate(&e->hooks, e->samples, samples, sizeof(dgfem_vec3));
+        before.sample_radius = (dgfem_real *)dgfemi_duplicate(&e->hooks, e->sample_radius, samples, sizeof(dgfem_real));
+        if (i == 6) check_status(dgfem_body_cut_polygon(body, dgfem_points_in_vec3(polygon, 4), &cut, NULL), DGFEM_OK);
+        else check_status(dgfem_body_cut_plane(body, plane, &cut, NULL), DGFEM_OK);
+        e = skin->embedding;
+        check_weights(body, e, tolerance);
+        check_weights(body, body->contacts->embedding, tolerance);
+        assert_int_equal(body->contacts->embedding->point_count, original);
+        kept = count_kept(&before, e);
+        print_message("cut %d: %d of %d points keep their weights\n", i, kept, before.point_count);
+        if (i == 0) assert_true(3 * kept > before.point_count && kept < before.point_count);
+        for (int k = before.element_count; i < 6 && k < before.sample_count; k++) {
+            dgfem_vec3 x = before.samples[k];
+            dgfem_real now = largest_window(e, x);
+            if (dgfemi_abs(dgfemi_dot(plane.normal, x) - plane.offset) < DGFEM_R(0.7)) continue;
+            if (now > 0) assert_true(now >= largest_window(&before, x));
+        }
+        free(before.weight_start);
+        free(before.weight);
+        free(before.samples);
+        free(before.sample_radius);
+    }
+    {
+        dgfem_embedding before = *skin->embedding; /* nothing has changed: nothing changes */
+        size_t count = (size_t)before.weight_start[before.point_count];
+        dgfem_real *weight = (dgfem_real *)dgfemi_duplicate(&before.hooks, before.weight, count, sizeof *weight);
+        check_status(dgfem_skin_renew(skin, body), DGFEM_OK);
+        assert_int_equal(skin->embedding->weight_start[skin->embedding->point_count], count);
+        assert_memory_equal(skin->embedding->weight, weight, count * sizeof *weight);
+        free(weight);
+    }
+    free(areas);
+    dgfem_skin_destroy(skin);
+    dgfem_body_destroy(body);
+}
+
 /* Large walls have points inside, so that they can bend; small ones do not. */
 static void test_walls_bend(void **state) {
     (void)state;
@@ -773,7 +885,8 @@ int main(void) {
         cmocka_unit_test(test_slits_meet),   cmocka_unit_test(test_random_cuts),
         cmocka_unit_test(test_moved_body),   cmocka_unit_test(test_seams),
         cmocka_unit_test(test_open_skins),   cmocka_unit_test(test_kept_weights),
-        cmocka_unit_test(test_walls_bend),   cmocka_unit_test(test_failures),
+        cmocka_unit_test(test_history),      cmocka_unit_test(test_walls_bend),
+        cmocka_unit_test(test_failures),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

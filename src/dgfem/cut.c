@@ -47,6 +47,7 @@ typedef struct dgfemi_cutter {
     dgfemi_ints walls, group;
     dgfemi_vectors points; /* of an element's cross-section: the ends of its segments, in pairs */
     dgfemi_vectors places; /* of one face, as found */
+    dgfem_real slack;      /* the farthest that a plane had to give way */
     int elements_split, faces_cut;
 } dgfemi_cutter;
 
@@ -333,7 +334,11 @@ static dgfem_status dgfemi_cutter_split_alone(dgfemi_cutter *cutter, const dgfem
         dgfem_plane plane = s->plane;
         plane.offset += (dgfem_real)shifts[i] * radius;
         dgfem_status status = dgfemi_cutter_split_by(cutter, plane);
-        if (status == DGFEM_ERROR_MEMORY || (!status && cutter->splitter.selected.count > 0)) return status;
+        if (status == DGFEM_ERROR_MEMORY) return status;
+        if (!status && cutter->splitter.selected.count > 0) {
+            cutter->slack = dgfemi_max(cutter->slack, dgfemi_abs((dgfem_real)shifts[i]) * radius);
+            return DGFEM_OK;
+        }
         if (!status) break; /* the plane runs along it, but for round-off */
     }
     cutter->side[s->element] = height >= 0 ? 1 : -1;
@@ -658,8 +663,9 @@ static int dgfemi_cutter_is_thread(const dgfemi_cutter *cutter, int f, dgfem_vec
     const dgfem_face *face = &mesh->faces[f];
     int a = face->element[0], b = face->element[1];
     dgfem_vec3 at = dgfemi_cutter_place(cutter, a, inner), there = dgfemi_cutter_place(cutter, b, inner);
-    dgfem_real jump = 2 * dgfemi_distance(at, there);
-    dgfem_real width = dgfemi_max(jump, cutter->snap * dgfemi_min(mesh->elements[a].radius, mesh->elements[b].radius));
+    dgfem_real radius = dgfemi_max(mesh->elements[a].radius, mesh->elements[b].radius);
+    dgfem_real width = 2 * dgfemi_max(dgfemi_distance(at, there), cutter->snap * radius);
+    width = dgfemi_max(width, 2 * cutter->slack);
     width = dgfemi_max(width, dgfemi_field_bend(cutter->edit, dgfemi_field_of(cutter->edit, a)));
     width = dgfemi_max(width, dgfemi_field_bend(cutter->edit, dgfemi_field_of(cutter->edit, b)));
     if (!(face->area <= width * dgfemi_face_radius(mesh, face))) return 0;

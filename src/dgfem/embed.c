@@ -380,6 +380,8 @@ typedef struct dgfemi_query {
     dgfem_real *theta;  /* [samples] their windows */
     dgfem_real *weight; /* [samples] their weights */
     int count;
+    int *spare_sample; /* [samples] for sorting, as are */
+    dgfem_real *spare_theta;
 } dgfemi_query;
 
 static int dgfemi_query_make(dgfemi_arena *arena, dgfemi_sampling *sampling, dgfemi_query *query) {
@@ -394,6 +396,9 @@ static int dgfemi_query_make(dgfemi_arena *arena, dgfemi_sampling *sampling, dgf
     query->sample = (int *)dgfemi_arena_allocate(arena, samples, sizeof(int));
     query->theta = (dgfem_real *)dgfemi_arena_allocate(arena, samples, sizeof(dgfem_real));
     query->weight = (dgfem_real *)dgfemi_arena_allocate(arena, samples, sizeof(dgfem_real));
+    query->spare_sample = (int *)dgfemi_arena_allocate(arena, samples, sizeof(int));
+    query->spare_theta = (dgfem_real *)dgfemi_arena_allocate(arena, samples, sizeof(dgfem_real));
+    if (!query->spare_sample || !query->spare_theta) return 0;
     return query->element_mark && query->sample_mark && query->way && query->heap && query->visited && query->sample &&
            query->theta && query->weight;
 }
@@ -469,8 +474,7 @@ static void dgfemi_query_run(dgfemi_query *query, int home, dgfem_vec3 x) {
             if (query->element_mark[neighbour] == query->stamp) continue;
             query->element_mark[neighbour] = query->stamp;
             way = dgfemi_max(query->way[e], dgfemi_sampling_square(sampling, neighbour, x));
-            if (way < sampling->reach[neighbour] * sampling->reach[neighbour])
-                dgfemi_query_push(query, neighbour, way);
+            if (way < sampling->reach[neighbour] * sampling->reach[neighbour]) dgfemi_query_push(query, neighbour, way);
         }
     }
 }
@@ -575,17 +579,28 @@ static void dgfemi_query_normalize(dgfemi_query *query) {
     query->count = kept;
 }
 
-/* Samples in ascending order, each with its value: points that share samples read them alike. Shell's sort of some
-   fifty. */
-static void dgfemi_sort_samples(int *samples, dgfem_real *values, int count) {
-    int gap = 1;
-    while (gap < count / 3) gap = 3 * gap + 1;
-    for (; gap > 0; gap /= 3)
-        for (int i = gap; i < count; i++) {
-            int sample = samples[i], j = i;
-            dgfem_real value = values[i];
-            for (; j >= gap && samples[j - gap] > sample; j -= gap)
-                samples[j] = samples[j - gap], values[j] = values[j - gap];
-            samples[j] = sample, values[j] = value;
+#define DGFEM_DIGIT 6 /* bits */
+
+/* Samples and their theta in ascending order: points that share samples read them alike. Some fifty of thousands:
+   sorted by their digits, the lowest first. */
+static void dgfemi_query_sort(dgfemi_query *query) {
+    int digits = 1 << DGFEM_DIGIT;
+    for (int shift = 0; query->sampling->embedding->sample_count >> shift > 0; shift += DGFEM_DIGIT) {
+        int start[1 << DGFEM_DIGIT] = {0}, total = 0;
+        int *sample = query->sample;
+        dgfem_real *theta = query->theta;
+        for (int i = 0; i < query->count; i++) start[sample[i] >> shift & (digits - 1)]++;
+        for (int d = 0; d < digits; d++) {
+            int count = start[d];
+            start[d] = total;
+            total += count;
         }
+        for (int i = 0; i < query->count; i++) {
+            int to = start[sample[i] >> shift & (digits - 1)]++;
+            query->spare_sample[to] = sample[i];
+            query->spare_theta[to] = theta[i];
+        }
+        query->sample = query->spare_sample, query->spare_sample = sample;
+        query->theta = query->spare_theta, query->spare_theta = theta;
+    }
 }

@@ -109,9 +109,9 @@ static void dgfemi_places_find(dgfemi_locator *locator, const dgfem_vec3 *points
 
    After a change of topology most weights are as they were. A sample is the same if it has the same place and elements;
    it keeps the window that it had, so that weights around it do not change without a cause: where a window was enlarged
-   for the sake of a point that is better off now, it stays large. A point keeps its weights if its place, its element
-   and its samples are the same, and neither a changed element nor a new sample lies within reach. What does not keep its
-   weights gets new ones from all samples alike: the weights of a point never depend on what other points keep. */
+   for the sake of a point that is better off now, it stays large. So windows depend on what was before, but what must
+   hold of weights holds in any case. A point keeps its weights if its place, its element and its samples are the same,
+   and neither an element come or gone nor a new sample lies within reach. */
 
 /* A box that changes weights within `limit` of it, but not nearer than `from`. */
 typedef struct dgfemi_disturbance {
@@ -302,8 +302,7 @@ static int dgfemi_weights_append(dgfemi_weights *weights, const dgfemi_query *qu
     int needed = weights->used + query->count;
     if (query->count > INT_MAX - weights->used) return 0;
     if (needed > weights->sample_capacity) {
-        void *grown =
-            dgfemi_grow(weights->hooks, weights->sample, &weights->sample_capacity, needed, sizeof(int));
+        void *grown = dgfemi_grow(weights->hooks, weights->sample, &weights->sample_capacity, needed, sizeof(int));
         if (!grown) return 0;
         weights->sample = (int *)grown;
     }
@@ -334,7 +333,7 @@ static int dgfemi_weights_try(dgfemi_weights *weights, dgfemi_query *query, int 
             query->count == sampling->component_samples[sampling->component[home]]; /* there are no more */
     if (!found && query->count < DGFEM_MIN_POINT_SAMPLES) return 1;
     dgfemi_query_normalize(query);
-    dgfemi_sort_samples(query->sample, query->theta, query->count);
+    dgfemi_query_sort(query);
     dgfemi_query_fit(query, x, &fit);
     if (!found && round < DGFEM_CONDITION_ROUNDS && !(fit.moment[0] * DGFEM_MAX_CONDITION > fit.moment[2])) return 1;
     if (dgfemi_fit_is_flat(&fit)) {
@@ -426,8 +425,9 @@ static int dgfemi_weights_make(dgfemi_arena *arena, dgfemi_weights *weights, dgf
     return 1;
 }
 
-/* The old weights of a point. */
-static void dgfemi_reuse_weights(const dgfemi_reuse *reuse, int point, int *samples, dgfem_real *weights) {
+/* The old weights of a point; sorted in the query, whose samples may number as many. */
+static void dgfemi_reuse_weights(const dgfemi_reuse *reuse, int point, dgfemi_query *query, int *samples,
+                                 dgfem_real *weights) {
     const dgfem_embedding *old = reuse->old;
     int first = old->weight_start[point], count = old->weight_start[point + 1] - first, sorted = 1;
     memcpy(weights, old->weight + first, (size_t)count * sizeof(dgfem_real));
@@ -435,12 +435,18 @@ static void dgfemi_reuse_weights(const dgfemi_reuse *reuse, int point, int *samp
         samples[i] = reuse->new_sample[old->weight_sample[first + i]];
         if (i > 0 && samples[i] < samples[i - 1]) sorted = 0;
     }
-    if (!sorted) dgfemi_sort_samples(samples, weights, count);
+    if (sorted) return;
+    query->count = count;
+    memcpy(query->sample, samples, (size_t)count * sizeof(int));
+    memcpy(query->theta, weights, (size_t)count * sizeof(dgfem_real));
+    dgfemi_query_sort(query);
+    memcpy(samples, query->sample, (size_t)count * sizeof(int));
+    memcpy(weights, query->theta, (size_t)count * sizeof(dgfem_real));
 }
 
 /* All points' weights, kept or new, in the order of the points. 1 on success. */
-static int dgfemi_embedding_gather(dgfem_embedding *embedding, const dgfemi_weights *weights,
-                                   const dgfemi_reuse *reuse) {
+static int dgfemi_embedding_gather(dgfem_embedding *embedding, const dgfemi_weights *weights, const dgfemi_reuse *reuse,
+                                   dgfemi_query *query) {
     int total = 0;
     for (int p = 0; p < embedding->point_count; p++) {
         int count = reuse->keep[p] ? reuse->old->weight_start[p + 1] - reuse->old->weight_start[p] : weights->count[p];
@@ -456,7 +462,7 @@ static int dgfemi_embedding_gather(dgfem_embedding *embedding, const dgfemi_weig
         int *samples = embedding->weight_sample + embedding->weight_start[p];
         dgfem_real *values = embedding->weight + embedding->weight_start[p];
         if (reuse->keep[p]) {
-            dgfemi_reuse_weights(reuse, p, samples, values);
+            dgfemi_reuse_weights(reuse, p, query, samples, values);
             continue;
         }
         memcpy(samples, weights->sample + weights->first[p], (size_t)weights->count[p] * sizeof(int));
@@ -486,7 +492,7 @@ static int dgfemi_embedding_weigh(dgfemi_arena *arena, dgfem_embedding *embeddin
     }
     for (int p = 0; p < embedding->point_count; p++) weights.open[p] = !reuse->keep[p];
     ok = dgfemi_weights_make(arena, &weights, query, &crowds, reuse) &&
-         dgfemi_embedding_gather(embedding, &weights, reuse);
+         dgfemi_embedding_gather(embedding, &weights, reuse, query);
     dgfemi_free(&embedding->hooks, weights.sample);
     dgfemi_free(&embedding->hooks, weights.weight);
     return ok;

@@ -234,6 +234,11 @@ static int dgfemi_element_contains(const dgfem_mesh *mesh, int element, dgfem_ve
 
 /* ---- search ---- */
 
+/* Whether the face's plane alone is farther away than `distance`, beyond round-off. */
+static int dgfemi_face_is_farther(const dgfem_face *face, dgfem_vec3 x, dgfem_real distance) {
+    return dgfemi_abs(dgfemi_dot(face->normal, dgfemi_sub(x, face->centre))) > DGFEM_R(1.001) * distance;
+}
+
 /* Squared distance from a box. */
 static dgfem_real dgfemi_box_square(dgfem_vec3 lower, dgfem_vec3 upper, dgfem_vec3 x) {
     dgfem_real dx = x.x < lower.x ? lower.x - x.x : x.x > upper.x ? x.x - upper.x : 0;
@@ -255,8 +260,11 @@ static void dgfemi_locator_try(const dgfemi_locator *locator, int element, dgfem
         dgfemi_box_distance(locator->lower[element], locator->upper[element], x) > location->distance)
         return;
     for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
-        dgfem_vec3 p = dgfemi_face_nearest(mesh, &mesh->faces[mesh->element_faces[k]], x);
-        dgfem_real distance = dgfemi_distance(p, x);
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        dgfem_vec3 p;
+        dgfem_real distance;
+        if (location->element != DGFEM_NONE && dgfemi_face_is_farther(face, x, location->distance)) continue;
+        p = dgfemi_face_nearest(mesh, face, x), distance = dgfemi_distance(p, x);
         if (location->element == DGFEM_NONE || distance < location->distance ||
             (!(distance > location->distance) && element < location->element)) {
             location->element = element;
@@ -329,8 +337,11 @@ static dgfemi_location dgfemi_locate_in(const dgfem_mesh *mesh, int element, dgf
     if (dgfemi_element_contains(mesh, element, x)) return location;
     location.distance = -1;
     for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
-        dgfem_vec3 p = dgfemi_face_nearest(mesh, &mesh->faces[mesh->element_faces[k]], x);
-        dgfem_real distance = dgfemi_distance(p, x);
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        dgfem_vec3 p;
+        dgfem_real distance;
+        if (location.distance >= 0 && dgfemi_face_is_farther(face, x, location.distance)) continue;
+        p = dgfemi_face_nearest(mesh, face, x), distance = dgfemi_distance(p, x);
         if (location.distance < 0 || distance < location.distance) location.distance = distance, location.nearest = p;
     }
     return location;

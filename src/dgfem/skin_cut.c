@@ -285,8 +285,7 @@ static int dgfemi_skin_keep_places(const dgfemi_skin_cutter *c, const dgfemi_pla
     skin->embedding->hooks = *c->hooks;
     skin->embedding->points = (dgfem_vec3 *)dgfemi_allocate(c->hooks, count, sizeof(dgfem_vec3));
     skin->embedding->point_element = (int *)dgfemi_duplicate(c->hooks, places->element, count, sizeof(int));
-    skin->embedding->point_window =
-        (dgfem_vec3 *)dgfemi_duplicate(c->hooks, places->window, count, sizeof(dgfem_vec3));
+    skin->embedding->point_window = (dgfem_vec3 *)dgfemi_duplicate(c->hooks, places->window, count, sizeof(dgfem_vec3));
     if (!skin->embedding->points || !skin->embedding->point_element || !skin->embedding->point_window) return 0;
     for (size_t i = 0; i < count; i++) {
         skin->embedding->points[i] = c->vertices[i].rest;
@@ -306,7 +305,8 @@ static dgfem_status dgfemi_skin_result(dgfemi_skin_cutter *c, const dgfem_embedd
     if (!skin || !dgfemi_skin_find_places(&arena, c, &places) || !dgfemi_skin_result_allocate(c, skin))
         status = dgfemi_fail_memory(hooks);
     if (status == DGFEM_OK) dgfemi_skin_result_fill(c, skin);
-    if (status == DGFEM_OK && !weights && !dgfemi_skin_keep_places(c, &places, skin)) status = dgfemi_fail_memory(hooks);
+    if (status == DGFEM_OK && !weights && !dgfemi_skin_keep_places(c, &places, skin))
+        status = dgfemi_fail_memory(hooks);
     if (status == DGFEM_OK && weights) {
         rest =
             dgfem_points_in_vec3((const dgfem_vec3 *)(const void *)c->vertices, c->vertex_count); /* its first member */
