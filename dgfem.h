@@ -133,6 +133,10 @@
    tags stay on the parts, under the same ids. A skin that was not named in the descriptor refuses to update until
    dgfem_skin_renew. A call that fails, whatever the reason, leaves the body and the skins bit for bit what they were.
 
+   A blade that sweeps through a moving body should take the place that its edge had at the last step along with the
+   material, or what moved through between the steps stays glued. A skin gains vertices with every cut, and walls that lie
+   close to each other many: under hundreds of strokes through one place draw dgfem_surface instead.
+
 
    WHAT IT DOES NOT DO
 
@@ -1109,7 +1113,7 @@ typedef struct dgfem_skin {
     int *corners;          /* positions in `triangles` at which each vertex appears */
 
     /* What cuts have changed. Vertices keep their index, new ones are appended; a triangle that was split leaves one
-       part in its place, the other parts and the walls of the cut are appended. */
+       part in its place, the other parts and the walls of the cut are appended. The arrays are NULL before the first. */
     int original_vertex_count, original_triangle_count; /* as created */
     int cut_count;
     int *parents;              /* two of each new vertex, of lower index, that any attribute can be had from: */
@@ -13229,8 +13233,9 @@ static void dgfemi_crowds_disturb(const dgfemi_crowds *crowds, const dgfem_embed
                                   const dgfemi_disturbance *d, char *calm) {
     dgfem_real from = d->from * d->from, limit = d->limit * d->limit;
     for (int e = 0; e < element_count; e++) {
-        dgfem_vec3 near = dgfemi_min3(dgfemi_max3(d->lower, crowds->lower[e]), crowds->upper[e]);
+        dgfem_vec3 near;
         if (crowds->start[e] == crowds->start[e + 1]) continue;
+        near = dgfemi_min3(dgfemi_max3(d->lower, crowds->lower[e]), crowds->upper[e]);
         if (!(dgfemi_box_square(d->lower, d->upper, near) < limit)) continue;
         for (int i = crowds->start[e]; i < crowds->start[e + 1]; i++) {
             int p = crowds->point[i];

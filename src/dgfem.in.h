@@ -133,6 +133,10 @@
    tags stay on the parts, under the same ids. A skin that was not named in the descriptor refuses to update until
    dgfem_skin_renew. A call that fails, whatever the reason, leaves the body and the skins bit for bit what they were.
 
+   A blade that sweeps through a moving body should take the place that its edge had at the last step along with the
+   material, or what moved through between the steps stays glued. A skin gains vertices with every cut, and walls that lie
+   close to each other many: under hundreds of strokes through one place draw dgfem_surface instead.
+
 
    WHAT IT DOES NOT DO
 

@@ -858,7 +858,7 @@ typedef struct dgfem_skin {
     int *corners;          /* positions in `triangles` at which each vertex appears */
 
     /* What cuts have changed. Vertices keep their index, new ones are appended; a triangle that was split leaves one
-       part in its place, the other parts and the walls of the cut are appended. */
+       part in its place, the other parts and the walls of the cut are appended. The arrays are NULL before the first. */
     int original_vertex_count, original_triangle_count; /* as created */
     int cut_count;
     int *parents;              /* two of each new vertex, of lower index, that any attribute can be had from: */

@@ -151,8 +151,9 @@ static void dgfemi_crowds_disturb(const dgfemi_crowds *crowds, const dgfem_embed
                                   const dgfemi_disturbance *d, char *calm) {
     dgfem_real from = d->from * d->from, limit = d->limit * d->limit;
     for (int e = 0; e < element_count; e++) {
-        dgfem_vec3 near = dgfemi_min3(dgfemi_max3(d->lower, crowds->lower[e]), crowds->upper[e]);
+        dgfem_vec3 near;
         if (crowds->start[e] == crowds->start[e + 1]) continue;
+        near = dgfemi_min3(dgfemi_max3(d->lower, crowds->lower[e]), crowds->upper[e]);
         if (!(dgfemi_box_square(d->lower, d->upper, near) < limit)) continue;
         for (int i = crowds->start[e]; i < crowds->start[e + 1]; i++) {
             int p = crowds->point[i];
