@@ -1,4 +1,6 @@
 /* Fracture: glue breaks where the traction exceeds the strength, in that order, and nothing else changes. */
+#include <limits.h>
+
 #define DGFEM_IMPLEMENTATION
 #include "dgfem.h"
 
