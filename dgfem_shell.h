@@ -379,7 +379,7 @@ DGFEM_API dgfem_status dgfem_shell_set_moment(dgfem_shell *shell, const int *edg
 DGFEM_API dgfem_status dgfem_shell_set_line_load(dgfem_shell *shell, const int *edges, int count, dgfem_vec3 load,
                                                  int *id);
 /* Pressure (N/m^2) along the normal: of the rest state, or of the current one, area included, for a follower. elements
-   may be NULL: all. */
+   may be NULL: all. Without corotational nothing turns: followers, pressures and moments alike, act as dead loads. */
 DGFEM_API dgfem_status dgfem_shell_set_pressure(dgfem_shell *shell, const int *elements, int count, dgfem_real pressure,
                                                 int follower, int *id);
 /* Force (N) on each of the nodes. */
@@ -510,7 +510,8 @@ typedef struct dgfem_shell_surface {
     dgfem_vec3 *normals;   /* of the curved elements, exact; where elements meet, the mean of theirs */
     int *triangles;        /* counter-clockwise from outside */
     int *triangle_element; /* element of each triangle */
-    int revision;          /* of the shell it was made for */
+    int revision;          /* of the shell it was made for, and its size: */
+    int element_count, node_count;
     int subdivision, sides;
     int point_count;  /* points of the middle surface */
     int *point_of;    /* for each element its points, row by row */
@@ -731,6 +732,11 @@ static dgfem_mat3 dgfem_shelli_rotation(dgfem_vec3 axis, dgfem_real angle) {
     for (int i = 0; i < 3; i++) r.m[i][i] += c;
     dgfem_shelli_add_outer(&r, 1 - c, axis, axis);
     return r;
+}
+static dgfem_real dgfem_shelli_determinant(const dgfem_mat3 *a) {
+    dgfem_vec3 r[3];
+    for (int i = 0; i < 3; i++) r[i] = dgfem_shelli_vec3(a->m[i][0], a->m[i][1], a->m[i][2]);
+    return dgfem_shelli_dot(r[0], dgfem_shelli_cross(r[1], r[2]));
 }
 /* Inverse of a symmetric matrix by cofactors; 0 where it has none. */
 static int dgfem_shelli_invert(const dgfem_mat3 *a, dgfem_mat3 *out) {
@@ -1248,6 +1254,32 @@ static int dgfem_shelli_measure_element(const dgfem_shell *shell, dgfem_shell_el
     return 1;
 }
 
+/* 1 where the corners' normals are on the side of the one at the centre: neither concave nor tangled. */
+static int dgfem_shelli_is_convex(const dgfem_vec3 *x, int n) {
+    dgfem_real third = n == 8 ? 0 : DGFEM_R(1.0) / 3;
+    dgfem_shelli_basis f;
+    dgfem_shelli_frame centre, corner;
+    dgfem_shelli_basis_at(n, dgfem_shelli_parameter_make(third, third), &f);
+    if (!dgfem_shelli_frame_at(&f, x, n, &centre)) return 0;
+    for (int k = 0; k < n / 2; k++) {
+        dgfem_shelli_basis_at(n, dgfem_shelli_corner(n, k), &f);
+        if (!dgfem_shelli_frame_at(&f, x, n, &corner) || !(dgfem_shelli_dot(corner.t, centre.t) > 0)) return 0;
+    }
+    return 1;
+}
+
+/* For a mesh that is given: pieces that cuts leave are taken as they are. */
+static dgfem_status dgfem_shelli_check_convex(const dgfem_shell *shell) {
+    for (int e = 0; e < shell->element_count; e++) {
+        const dgfem_shell_element *element = &shell->elements[e];
+        dgfem_vec3 x[DGFEM_SHELL_MAX_NODES];
+        dgfem_shelli_gather(shell->rest, element->node, element->node_count, x);
+        if (!dgfem_shelli_is_convex(x, element->node_count))
+            return dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_DEGENERATE, "element %d is concave or tangled", e);
+    }
+    return DGFEM_OK;
+}
+
 /* Measures of all elements, and what each node has of them: area and mass in proportion to the integral of N^2. */
 static dgfem_status dgfem_shelli_measure(dgfem_shell *shell) {
     for (int i = 0; i < shell->node_count; i++) {
@@ -1422,6 +1454,7 @@ struct dgfem_shell_system {
     dgfem_mat3 *free_part; /* [nodes] projector on the directions that are free */
     dgfem_vec3 *target;    /* [nodes] prescribed displacement, in the held directions */
     dgfem_real part;       /* 0..1: how far loads and rotations of supports have gone from `before` to now; else 1 */
+    dgfem_real stiffness;  /* largest diagonal of a step's last stiffness, for the round-off of forces */
     dgfem_real *work;      /* DGFEM_SHELLI_VECTORS vectors of all nodes */
 };
 
@@ -1455,7 +1488,7 @@ static dgfem_real dgfem_shelli_fine_area(const dgfem_shelli_basis *f, const dgfe
            dgfem_shelli_norm(dgfem_shelli_cross(dgfem_shelli_sum(f->d1, x, nodes), dgfem_shelli_sum(f->d2, x, nodes)));
 }
 
-/* Bending stiffness D and, with `squared` 1 in place of 3, membrane stiffness E h / (1 - nu^2). */
+/* Bending stiffness D = E h^3 / (12 (1 - nu^2)) and membrane stiffness E h / (1 - nu^2). */
 static dgfem_real dgfem_shelli_bending_stiffness(const dgfem_shell_element *element) {
     const dgfem_material *m = &element->material;
     dgfem_real h = element->thickness;
@@ -1711,7 +1744,7 @@ typedef struct dgfem_shelli_kinematics {
     dgfem_vec3 y[DGFEM_SHELLI_MAX_GROUP]; /* R^T x */
     dgfem_real strain[DGFEM_SHELLI_MAX_ROWS];
     dgfem_real stress[DGFEM_SHELLI_MAX_ROWS]; /* C strain, weight included */
-    dgfem_vec3 force[DGFEM_SHELLI_MAX_GROUP]; /* p_a, rotated frame; outer moments subtracted */
+    dgfem_vec3 force[DGFEM_SHELLI_MAX_GROUP]; /* p_a, rotated frame */
     dgfem_mat3 spin[DGFEM_SHELLI_MAX_GROUP];  /* W_a; only where asked for */
 } dgfem_shelli_kinematics;
 
@@ -1932,7 +1965,7 @@ static void dgfem_shelli_point_forces(const dgfem_real *s, int rows, const dgfem
         }
 }
 
-/* Which parts of a boundary edge act. */
+/* Whether a group acts: one of a boundary edge does where a condition holds the edge. */
 static int dgfem_shelli_group_acts(const dgfem_shell *shell, const dgfem_shelli_group *group) {
     return group->kind != DGFEM_SHELLI_BOUNDARY || shell->edges[group->owner].support != DGFEM_NONE;
 }
@@ -2426,6 +2459,7 @@ static dgfem_status dgfem_shelli_build(dgfem_shell *shell, const dgfem_shell_des
     if (!status) status = dgfem_shelli_check_used(shell);
     if (!status) status = dgfem_shelli_connect(shell);
     if (!status) status = dgfem_shelli_measure(shell);
+    if (!status) status = dgfem_shelli_check_convex(shell);
     if (status) return status;
     memcpy(shell->position, shell->rest, (size_t)shell->node_count * sizeof *shell->rest);
     return dgfem_shelli_system_create(shell);
@@ -2653,6 +2687,8 @@ DGFEM_API dgfem_status dgfem_shell_move_clamp(dgfem_shell *shell, int id, dgfem_
         for (int j = 0; j < 3; j++) error += dgfem_shelli_abs(unit.m[i][j] - (dgfem_real)(i == j));
     if (!(error < DGFEM_R(1e-4)))
         return dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_ARGUMENT, "condition %d: not a rotation", id);
+    if (!(dgfem_shelli_determinant(&rotation) > 0))
+        return dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_ARGUMENT, "condition %d: a reflection, not a rotation", id);
     condition->rotation = rotation;
     condition->vector = translation;
     return DGFEM_OK;
@@ -2695,7 +2731,7 @@ DGFEM_API dgfem_status dgfem_shell_set_line_load(dgfem_shell *shell, const int *
     return status;
 }
 
-/* All elements, in the items of a condition that is there already. */
+/* Appends a pressure; without a list of elements, on all. */
 static dgfem_status dgfem_shelli_add_pressure(dgfem_shell *shell, const int *elements, int count, int *id,
                                               dgfem_shell_condition **condition) {
     dgfem_shelli_scratch scratch = dgfem_shelli_scratch_make(&shell->hooks);
@@ -2863,6 +2899,11 @@ DGFEM_API dgfem_status dgfem_shell_move_shape(dgfem_shell *shell, int id, const 
 
 /* ---- forces ---- */
 
+/* Whether a load turns with the shell: without rotations to follow there is only rest to act on. */
+static int dgfem_shelli_follows(const dgfem_shell *shell, const dgfem_shell_condition *condition) {
+    return condition->follower && shell->desc.corotational;
+}
+
 /* What pressure p at a point does: p n dA on its nodes, n dA that of rest or of now. */
 static dgfem_vec3 dgfem_shelli_pressure(const dgfem_shell *shell, const dgfem_shelli_group *group,
                                         const dgfem_shelli_point *point, const dgfem_shelli_local *local, int q,
@@ -2884,6 +2925,7 @@ static const dgfem_shelli_group *dgfem_shelli_element_group(const dgfem_shell *s
 static void dgfem_shelli_add_pressure_force(const dgfem_shell *shell, const dgfem_shell_condition *condition,
                                             const dgfem_vec3 *x, dgfem_real factor, dgfem_vec3 *out) {
     dgfem_real pressure = factor * dgfem_shelli_scalar_now(shell, condition);
+    int follower = dgfem_shelli_follows(shell, condition);
     for (int i = 0; i < condition->count; i++) {
         const dgfem_shelli_group *group = dgfem_shelli_element_group(shell, condition->items[i]);
         dgfem_shelli_local local;
@@ -2892,7 +2934,7 @@ static void dgfem_shelli_add_pressure_force(const dgfem_shell *shell, const dgfe
         for (int q = 0; q < group->point_count; q++) {
             const dgfem_shelli_point *point = &shell->system->points[group->point_start + q];
             const dgfem_real *n = shell->system->basis[point->basis[0]].n;
-            dgfem_vec3 push = dgfem_shelli_pressure(shell, group, point, &local, q, condition->follower, &e1, &e2);
+            dgfem_vec3 push = dgfem_shelli_pressure(shell, group, point, &local, q, follower, &e1, &e2);
             for (int a = 0; a < local.count; a++)
                 out[local.nodes[a]] = dgfem_shelli_axpy(out[local.nodes[a]], pressure * n[a], push);
         }
@@ -2987,7 +3029,8 @@ static void dgfem_shelli_add_external(const dgfem_shell *shell, const dgfem_vec3
 static void dgfem_shelli_add_followers(const dgfem_shell *shell, const dgfem_vec3 *x, dgfem_real factor,
                                        dgfem_vec3 *out) {
     for (int c = 0; c < shell->condition_count; c++)
-        if (shell->conditions[c].kind == DGFEM_SHELL_CONDITION_PRESSURE && shell->conditions[c].follower)
+        if (shell->conditions[c].kind == DGFEM_SHELL_CONDITION_PRESSURE &&
+            dgfem_shelli_follows(shell, &shell->conditions[c]))
             dgfem_shelli_add_pressure_force(shell, &shell->conditions[c], x, factor, out);
     dgfem_shelli_add_moments(shell, x, factor, out);
 }
@@ -3058,7 +3101,8 @@ static void dgfem_shelli_assemble_external(const dgfem_shell *shell, const dgfem
                                            dgfem_real factor) {
     for (int c = 0; c < shell->condition_count; c++) {
         const dgfem_shell_condition *condition = &shell->conditions[c];
-        if (condition->kind == DGFEM_SHELL_CONDITION_PRESSURE && condition->follower && followers)
+        int follows = followers && dgfem_shelli_follows(shell, condition);
+        if (condition->kind == DGFEM_SHELL_CONDITION_PRESSURE && follows)
             dgfem_shelli_assemble_pressure(shell, condition, x, factor);
         if (condition->kind != DGFEM_SHELL_CONDITION_PIN) continue;
         for (int i = 0; i < condition->count; i++) {
@@ -3243,6 +3287,7 @@ typedef struct dgfem_shelli_path {
     dgfem_real scale;     /* size of the forces that balance */
     dgfem_real stiffness; /* largest diagonal, for the round-off of forces */
     dgfem_real extent;    /* of the shell */
+    dgfem_real reach;     /* what the round-off of positions is measured by */
     int search;           /* whether to search along the lines */
 } dgfem_shelli_path;
 
@@ -3260,10 +3305,8 @@ static void dgfem_shelli_residual(const dgfem_shell *shell, const dgfem_vec3 *x,
 }
 
 /* Converged, by tolerance or because round-off allows no more. */
-static int dgfem_shelli_converged(const dgfem_shell *shell, const dgfem_shelli_path *path, dgfem_real tolerance,
-                                  dgfem_real residual) {
-    dgfem_real floor = 4 * DGFEM_SHELL_EPSILON * path->stiffness * path->extent;
-    (void)shell;
+static int dgfem_shelli_converged(const dgfem_shelli_path *path, dgfem_real tolerance, dgfem_real residual) {
+    dgfem_real floor = 4 * DGFEM_SHELL_EPSILON * path->stiffness * path->reach;
     return residual <= tolerance * path->scale || residual <= floor;
 }
 
@@ -3274,6 +3317,16 @@ static dgfem_real dgfem_shelli_extent(const dgfem_shell *shell) {
         square = dgfem_shelli_max(square, dgfem_shelli_dot(d, d));
     }
     return dgfem_shelli_sqrt(square);
+}
+
+/* Size of the numbers that positions x and those of rest are made of: the extent and the distance from the origin. */
+static dgfem_real dgfem_shelli_reach(const dgfem_shell *shell, const dgfem_vec3 *x, dgfem_real extent) {
+    dgfem_real square = 0;
+    for (int i = 0; i < shell->node_count; i++) {
+        square = dgfem_shelli_max(square, dgfem_shelli_dot(x[i], x[i]));
+        square = dgfem_shelli_max(square, dgfem_shelli_dot(shell->rest[i], shell->rest[i]));
+    }
+    return extent + dgfem_shelli_sqrt(square);
 }
 
 /* ---- one Newton iteration ---- */
@@ -3299,7 +3352,7 @@ static dgfem_real dgfem_shelli_prescribed(const dgfem_shell *shell, const dgfem_
 /* Whether a load's derivative is not all in the symmetric matrix. */
 static int dgfem_shelli_has_followers(const dgfem_shell *shell) {
     for (int c = 0; c < shell->condition_count; c++)
-        if (shell->conditions[c].follower) return 1;
+        if (dgfem_shelli_follows(shell, &shell->conditions[c])) return 1;
     return 0;
 }
 
@@ -3449,7 +3502,8 @@ static dgfem_status dgfem_shelli_iterate(dgfem_shell *shell, const dgfem_shell_s
     for (int iteration = 0; iteration < desc->max_iterations; iteration++) {
         dgfem_real moved =
             dgfem_shelli_prescribed(shell, x, path->part, dgfem_shelli_vector(shell, DGFEM_SHELLI_MOTION));
-        int moves = moved > 10 * DGFEM_SHELL_EPSILON * path->extent;
+        path->reach = dgfem_shelli_reach(shell, x, path->extent);
+        int moves = moved > 10 * DGFEM_SHELL_EPSILON * path->reach;
         if (iteration == 0) dgfem_shelli_residual(shell, x, path, r);
         int refine = !desc->frozen && shell->desc.corotational && iteration >= 3;
         dgfem_status status = dgfem_shelli_increment(shell, x, desc->frozen, path, moves, refine, info);
@@ -3466,7 +3520,7 @@ static dgfem_status dgfem_shelli_iterate(dgfem_shell *shell, const dgfem_shell_s
         dgfem_real residual = dgfem_shelli_length(shell, r);
         info->residual = path->scale > 0 ? residual / path->scale : 0;
         if (!dgfem_shelli_is_finite(residual)) return DGFEM_ERROR_NOT_CONVERGED;
-        if (!shell->desc.corotational || dgfem_shelli_converged(shell, path, desc->tolerance, residual))
+        if (!shell->desc.corotational || dgfem_shelli_converged(path, desc->tolerance, residual))
             return DGFEM_OK;
     }
     return DGFEM_ERROR_NOT_CONVERGED;
@@ -3691,23 +3745,42 @@ static void dgfem_shelli_hold_velocities(const dgfem_shell *shell, dgfem_real h,
     }
 }
 
-/* Positions and residual of velocities v; sets the scale of the momenta that balance. Returns the nodes in contact. */
+/* Positions and residual of velocities v; sets the scale of the momenta that balance, which does not depend on how fast
+   the frame moves. Returns the nodes in contact. */
 static int dgfem_shelli_step_residual(const dgfem_shell *shell, dgfem_real h, const dgfem_vec3 *v, dgfem_vec3 *x,
                                       dgfem_vec3 *r, dgfem_real *scale) {
     dgfem_vec3 *force = dgfem_shelli_vector(shell, DGFEM_SHELLI_FORCE);
+    dgfem_vec3 *gain = dgfem_shelli_vector(shell, DGFEM_SHELLI_MOTION);
+    dgfem_vec3 *momentum = dgfem_shelli_vector(shell, DGFEM_SHELLI_RHS);
     const dgfem_vec3 *damped = shell->desc.damping_stiffness > 0 ? v : NULL;
     for (int i = 0; i < shell->node_count; i++) x[i] = dgfem_shelli_axpy(shell->position[i], h, v[i]);
+    for (int i = 0; i < shell->node_count; i++) gain[i] = dgfem_shelli_sub(v[i], shell->velocity[i]);
     memset(force, 0, dgfem_shelli_bytes(shell));
+    memset(momentum, 0, dgfem_shelli_bytes(shell));
     memset(r, 0, dgfem_shelli_bytes(shell));
     dgfem_shelli_add_external(shell, x, !shell->desc.consistent_mass, h, force);
-    dgfem_shelli_add_momentum(shell, 1, shell->velocity, force);
     int contacts = dgfem_shelli_add_contact(shell, x, v, h, force);
     (void)dgfem_shelli_add_internal(shell, x, damped, h, r);
+    dgfem_shelli_add_momentum(shell, 1, gain, momentum);
     *scale = dgfem_shelli_max(dgfem_shelli_length(shell, force), dgfem_shelli_length(shell, r));
-    dgfem_shelli_add_momentum(shell, 1 + h * shell->desc.damping_mass, v, r);
-    for (int i = 0; i < shell->node_count; i++) r[i] = dgfem_shelli_sub(force[i], r[i]);
+    *scale = dgfem_shelli_max(*scale, dgfem_shelli_length(shell, momentum));
+    dgfem_shelli_add_momentum(shell, h * shell->desc.damping_mass, v, momentum);
+    for (int i = 0; i < shell->node_count; i++)
+        r[i] = dgfem_shelli_sub(dgfem_shelli_sub(force[i], r[i]), momentum[i]);
     dgfem_shelli_hold_vector(shell, r);
     return contacts;
+}
+
+/* Round-off of the momenta that balance: of h f_int by that of positions, and of M v. Where nothing acts, as in free
+   flight, no residual is smaller. */
+static dgfem_real dgfem_shelli_step_floor(const dgfem_shell *shell, dgfem_real h, const dgfem_vec3 *x,
+                                          const dgfem_vec3 *v, dgfem_real extent) {
+    dgfem_real size = h * shell->system->stiffness * dgfem_shelli_reach(shell, x, extent), square = 0;
+    for (int i = 0; i < shell->node_count; i++) {
+        dgfem_real mass = dgfem_shelli_max(shell->node_mass[i], shell->node_load[i]);
+        square += mass * mass * (dgfem_shelli_dot(v[i], v[i]));
+    }
+    return 4 * DGFEM_SHELL_EPSILON * (size + dgfem_shelli_sqrt(square));
 }
 
 /* Matrix of a step: (1 + h alpha) M + h^2 K + h beta K_frozen, loads and contact. Loads that make it indefinite are
@@ -3716,6 +3789,8 @@ static void dgfem_shelli_assemble_step(const dgfem_shell *shell, dgfem_real h, c
                                        int spins) {
     dgfem_matrix_clear(shell->system->matrix);
     dgfem_shelli_assemble(shell, x, spins, 1 + shell->desc.damping_stiffness / h, h * h);
+    shell->system->stiffness =
+        dgfem_shelli_shift_diagonal(shell, 0) / (h * h * (1 + shell->desc.damping_stiffness / h));
     dgfem_shelli_assemble_external(shell, x, spins, h * h);
     dgfem_shelli_assemble_mass(shell, 1 + h * shell->desc.damping_mass);
     dgfem_shelli_assemble_contact(shell, x, v, h);
@@ -3782,7 +3857,7 @@ static dgfem_status dgfem_shelli_step(dgfem_shell *shell, dgfem_real h, dgfem_sh
     const dgfem_real lost = DGFEM_R(0.1); /* a residual that is as good as none */
     dgfem_vec3 *x = dgfem_shelli_vector(shell, DGFEM_SHELLI_X), *v = dgfem_shelli_vector(shell, DGFEM_SHELLI_V);
     dgfem_vec3 *r = dgfem_shelli_vector(shell, DGFEM_SHELLI_RESIDUAL);
-    dgfem_real scale;
+    dgfem_real scale, extent = dgfem_shelli_extent(shell);
     (void)dgfem_shelli_collect_held(shell);
     memcpy(v, shell->velocity, dgfem_shelli_bytes(shell));
     dgfem_shelli_hold_velocities(shell, h, v);
@@ -3795,6 +3870,7 @@ static dgfem_status dgfem_shelli_step(dgfem_shell *shell, dgfem_real h, dgfem_sh
         dgfem_real residual = dgfem_shelli_length(shell, r);
         info->residual = scale > 0 ? residual / scale : 0;
         if (residual <= shell->desc.step_tolerance * scale) break;
+        if (residual <= dgfem_shelli_step_floor(shell, h, x, v, extent)) break;
         if (info->iterations >= shell->desc.step_iterations || !dgfem_shelli_is_finite(residual))
             return residual <= lost * scale ? DGFEM_OK : dgfem_shelli_step_frozen(shell, h, info);
         if (!shell->desc.corotational && !shell->shape_count) break;
@@ -3971,28 +4047,57 @@ DGFEM_API dgfem_status dgfem_shell_stiffness(dgfem_shell *shell, int tangent, co
 
 /* ---- totals ---- */
 
+/* Kinetic energy, momentum, and angular momentum about the origin, with the mass matrix that steps use. */
+typedef struct dgfem_shelli_motion {
+    dgfem_real kinetic;
+    dgfem_vec3 linear, angular;
+} dgfem_shelli_motion;
+
+static void dgfem_shelli_add_motion(dgfem_shelli_motion *motion, dgfem_real mass, dgfem_vec3 x, dgfem_vec3 v) {
+    dgfem_vec3 mv = dgfem_shelli_scale(mass, v);
+    motion->kinetic += DGFEM_R(0.5) * dgfem_shelli_dot(mv, v);
+    motion->linear = dgfem_shelli_add(motion->linear, mv);
+    motion->angular = dgfem_shelli_add(motion->angular, dgfem_shelli_cross(x, mv));
+}
+
+static dgfem_shelli_motion dgfem_shelli_total_motion(const dgfem_shell *shell) {
+    dgfem_shelli_motion motion;
+    memset(&motion, 0, sizeof motion);
+    for (int i = 0; !shell->desc.consistent_mass && i < shell->node_count; i++)
+        dgfem_shelli_add_motion(&motion, shell->node_mass[i], shell->position[i], shell->velocity[i]);
+    for (int e = 0; shell->desc.consistent_mass && e < shell->element_count; e++) {
+        const dgfem_shell_element *element = &shell->elements[e];
+        dgfem_vec3 rest[DGFEM_SHELL_MAX_NODES], x[DGFEM_SHELL_MAX_NODES], v[DGFEM_SHELL_MAX_NODES];
+        int n = element->node_count;
+        dgfem_real density = element->thickness * element->material.density;
+        dgfem_shelli_gather(shell->rest, element->node, n, rest);
+        dgfem_shelli_gather(shell->position, element->node, n, x);
+        dgfem_shelli_gather(shell->velocity, element->node, n, v);
+        for (int q = 0; q < dgfem_shelli_fine_count(n); q++) {
+            const dgfem_shelli_basis *f = dgfem_shelli_fine_basis(shell->system, n, q);
+            dgfem_shelli_add_motion(&motion, density * dgfem_shelli_fine_area(f, rest, n, q),
+                                    dgfem_shelli_sum(f->n, x, n), dgfem_shelli_sum(f->n, v, n));
+        }
+    }
+    return motion;
+}
+
 DGFEM_API dgfem_status dgfem_shell_energy(const dgfem_shell *shell, dgfem_energy *out) {
     if (!shell || !out) return DGFEM_ERROR_ARGUMENT;
     memset(out, 0, sizeof *out);
     out->elastic = dgfem_shelli_add_internal(shell, shell->position, NULL, 1, NULL);
-    for (int i = 0; i < shell->node_count; i++) {
-        dgfem_vec3 v = shell->velocity[i];
-        out->kinetic += DGFEM_R(0.5) * shell->node_mass[i] * dgfem_shelli_dot(v, v);
-        out->gravity -= shell->node_mass[i] * dgfem_shelli_dot(shell->desc.gravity, shell->position[i]);
-    }
+    out->kinetic = dgfem_shelli_total_motion(shell).kinetic;
+    const dgfem_real *weight = shell->desc.consistent_mass ? shell->node_load : shell->node_mass;
+    for (int i = 0; i < shell->node_count; i++)
+        out->gravity -= weight[i] * dgfem_shelli_dot(shell->desc.gravity, shell->position[i]);
     return DGFEM_OK;
 }
 
 DGFEM_API dgfem_status dgfem_shell_momentum(const dgfem_shell *shell, dgfem_vec3 *linear, dgfem_vec3 *angular) {
-    dgfem_vec3 p = dgfem_shelli_vec3(0, 0, 0), l = p;
     if (!shell) return DGFEM_ERROR_ARGUMENT;
-    for (int i = 0; i < shell->node_count; i++) {
-        dgfem_vec3 mv = dgfem_shelli_scale(shell->node_mass[i], shell->velocity[i]);
-        p = dgfem_shelli_add(p, mv);
-        l = dgfem_shelli_add(l, dgfem_shelli_cross(shell->position[i], mv));
-    }
-    if (linear) *linear = p;
-    if (angular) *angular = l;
+    dgfem_shelli_motion motion = dgfem_shelli_total_motion(shell);
+    if (linear) *linear = motion.linear;
+    if (angular) *angular = motion.angular;
     return DGFEM_OK;
 }
 
@@ -4266,15 +4371,16 @@ static dgfem_status dgfem_shelli_edit_commit(dgfem_shelli_edit *edit, dgfem_shel
 
 DGFEM_API dgfem_status dgfem_shell_cut_edges(dgfem_shell *shell, const int *edges, int count, dgfem_shell_joint joint) {
     dgfem_shelli_edit edit;
-    int separated;
+    int separated, changed = 0;
     if (!shell) return DGFEM_ERROR_ARGUMENT;
     dgfem_status status = dgfem_shelli_check_items(shell, edges, count, shell->edge_count, "edge");
     for (int i = 0; !status && i < count; i++)
         if (dgfem_shelli_is_boundary(&shell->edges[edges[i]]))
             status = dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_ARGUMENT, "edge %d is on the boundary", edges[i]);
-    if (!status && (int)joint > DGFEM_SHELL_GAP)
+    if (!status && ((int)joint < 0 || joint > DGFEM_SHELL_GAP))
         status = dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_ARGUMENT, "unknown joint %d", (int)joint);
-    if (status) return status;
+    for (int i = 0; !status && i < count; i++) changed += shell->edges[edges[i]].joint != joint;
+    if (status || !changed) return status;
     status = dgfem_shelli_edit_begin(&edit, shell, shell->element_count, shell->node_count + 8 * shell->element_count);
     for (int i = 0; !status && i < count; i++) edit.joint[shell->edges[edges[i]].node[2]] = (char)joint;
     if (!status) status = dgfem_shelli_edit_commit(&edit, shell, &separated);
@@ -4412,7 +4518,8 @@ static dgfem_real dgfem_shelli_crossing(const dgfem_shelli_splitter *s, const in
 
 /* ---- splitting edges ---- */
 
-/* A point of an old element: node a of a new one. */
+/* Puts a point of an old element at node `at` of the new topology, or at one more where that is DGFEM_NONE. Returns the
+   node. */
 static int dgfem_shelli_interpolate(dgfem_shelli_edit *edit, const dgfem_shell_element *element,
                                     dgfem_shelli_parameter p, int at) {
     const dgfem_shell *old = edit->old;
@@ -4594,17 +4701,28 @@ static int dgfem_shelli_element_above(const dgfem_shelli_splitter *s, int e) {
     return sum > 0;
 }
 
-/* Edges that lie on the plane, between elements on either side of it. */
+/* Whether an edge lies on the plane, between elements on either side of it. */
+static int dgfem_shelli_lies_along(const dgfem_shelli_splitter *s, const dgfem_shell_edge *edge) {
+    const dgfem_vec3 *x = s->desc->current ? s->edit->old->position : s->edit->old->rest;
+    if (dgfem_shelli_is_boundary(edge) || s->side[edge->node[0]] || s->side[edge->node[1]]) return 0;
+    if (!dgfem_shelli_in_bounds(s->desc, x[edge->node[2]])) return 0;
+    return dgfem_shelli_element_above(s, edge->element[0]) != dgfem_shelli_element_above(s, edge->element[1]);
+}
+
 static void dgfem_shelli_cut_along(const dgfem_shelli_splitter *s) {
     const dgfem_shell *shell = s->edit->old;
-    const dgfem_vec3 *x = s->desc->current ? shell->position : shell->rest;
-    for (int i = 0; i < shell->edge_count; i++) {
-        const dgfem_shell_edge *edge = &shell->edges[i];
-        if (dgfem_shelli_is_boundary(edge) || s->side[edge->node[0]] || s->side[edge->node[1]]) continue;
-        if (!dgfem_shelli_in_bounds(s->desc, x[edge->node[2]])) continue;
-        if (dgfem_shelli_element_above(s, edge->element[0]) != dgfem_shelli_element_above(s, edge->element[1]))
-            s->edit->joint[edge->node[2]] = (char)s->desc->joint;
-    }
+    for (int i = 0; i < shell->edge_count; i++)
+        if (dgfem_shelli_lies_along(s, &shell->edges[i]))
+            s->edit->joint[shell->edges[i].node[2]] = (char)s->desc->joint;
+}
+
+/* Edges that cutting along would change. */
+static int dgfem_shelli_count_along(const dgfem_shelli_splitter *s) {
+    const dgfem_shell *shell = s->edit->old;
+    int count = 0;
+    for (int i = 0; i < shell->edge_count; i++)
+        count += shell->edges[i].joint != s->desc->joint && dgfem_shelli_lies_along(s, &shell->edges[i]);
+    return count;
 }
 
 /* Finds the elements that are cut and those that must be divided because a side was crossed. Returns how many. */
@@ -4643,6 +4761,13 @@ static dgfem_status dgfem_shelli_cut_elements(dgfem_shelli_splitter *s, dgfem_sh
     edit->old = shell;
     dgfem_shelli_classify(s);
     int count = dgfem_shelli_mark_elements(s, shell, touched);
+    if (!count && !dgfem_shelli_count_along(s)) { /* nothing changes */
+        int *class_of = (int *)dgfem_shelli_take(scratch, elements, sizeof(int));
+        int *number = (int *)dgfem_shelli_take(scratch, elements, sizeof(int));
+        if (!class_of || !number) return DGFEM_ERROR_MEMORY;
+        info->pieces = dgfem_shelli_count_pieces(shell, class_of, number);
+        return DGFEM_OK;
+    }
 
     /* A divided element gives six triangles and five lines inside at most; two new middles per side. */
     int element_room = shell->element_count + 5 * count, node_room = shell->node_count + 13 * count + 6 * element_room;
@@ -4670,6 +4795,8 @@ static dgfem_status dgfem_shelli_check_cut(const dgfem_shell *shell, const dgfem
     if (!status) status = dgfem_shelli_check_vector(shell, desc->to, "to");
     if (!status && !(dgfem_shelli_norm(desc->plane.normal) > 0))
         status = dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_ARGUMENT, "the normal is zero");
+    if (!status && desc->bounded && !(dgfem_shelli_norm(dgfem_shelli_sub(desc->to, desc->from)) > 0))
+        status = dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_ARGUMENT, "a bounded cut from a point to itself");
     if (!status && !(desc->snap >= 0 && desc->snap < DGFEM_R(0.5)))
         status = dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_ARGUMENT, "snap is %g, expected in [0, 0.5)",
                                    (double)desc->snap);
@@ -4875,6 +5002,8 @@ DGFEM_API dgfem_status dgfem_shell_surface_create(const dgfem_shell *shell, cons
     surface->subdivision = desc->subdivision;
     surface->sides = desc->sides;
     surface->revision = shell->revision;
+    surface->element_count = shell->element_count;
+    surface->node_count = shell->node_count;
     if (!dgfem_shelli_surface_build(surface, shell)) {
         dgfem_shell_surface_destroy(surface);
         return dgfem_shelli_fail_memory(&desc->hooks);
@@ -4920,6 +5049,10 @@ DGFEM_API dgfem_status dgfem_shell_surface_update(dgfem_shell_surface *surface, 
     if (surface->revision != shell->revision)
         return dgfem_shelli_fail(&surface->hooks, DGFEM_ERROR_REVISION, "surface of revision %d, shell has %d",
                                  surface->revision, shell->revision);
+    if (surface->element_count != shell->element_count || surface->node_count != shell->node_count)
+        return dgfem_shelli_fail(&surface->hooks, DGFEM_ERROR_REVISION,
+                                 "surface of %d elements and %d nodes, shell has %d and %d", surface->element_count,
+                                 surface->node_count, shell->element_count, shell->node_count);
     int m = surface->subdivision, count = surface->point_count;
     memset(surface->normals, 0, (size_t)count * sizeof *surface->normals);
     for (int nodes = 6; nodes <= 8; nodes += 2)

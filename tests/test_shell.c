@@ -101,6 +101,17 @@ static void refuses_bad_meshes(void **state) {
     check_status(dgfem_shell_create(&desc, &shell), DGFEM_ERROR_DEGENERATE);
     check_logged(&host, "element 0 has no tangent plane");
     (void)flat;
+    static const double dart[] = {0, 0, 0, 2, 0, 0, 0.5, 0.5, 0, 0, 2, 0};
+    static const int dart_faces[] = {0, 1, 2, 3}, bow_faces[] = {0, 1, 3, 2};
+    desc.vertices = dgfem_points_in_double(dart, 4);
+    desc.triangle_count = 0;
+    desc.quads = dart_faces, desc.quad_count = 1;
+    check_status(dgfem_shell_create(&desc, &shell), DGFEM_ERROR_DEGENERATE);
+    check_logged(&host, "element 0 is concave or tangled");
+    desc.quads = bow_faces;
+    check_status(dgfem_shell_create(&desc, &shell), DGFEM_ERROR_DEGENERATE);
+    check_logged(&host, "element 0");
+    desc.quads = NULL, desc.quad_count = 0, desc.triangle_count = 1;
     desc.vertices = dgfem_points_in_double(points, 3);
     desc.triangles = single;
     bad = desc, bad.thickness = 0;
@@ -546,6 +557,54 @@ static void strip_under_large_end_shear(void **state) {
     }
 }
 
+static dgfem_vec3 map_strip_far(void *user, double u, double v) {
+    dgfem_vec3 x = map_strip(user, u, v);
+    return at3((double)x.x + 1e4, (double)x.y - 1e4, (double)x.z);
+}
+
+/* Far from the origin round-off is larger, and convergence ends there. */
+static void strip_bends_far_from_the_origin(void **state) {
+    double tips[2];
+    (void)state;
+    if (DGFEM_REAL_IS_FLOAT) return;
+    for (int far = 0; far < 2; far++) {
+        dgfem_shell_desc desc = shell_desc();
+        dgfem_shell_static_desc how = dgfem_default_shell_static_desc();
+        int edges[256];
+        desc.material.young = (dgfem_real)1.2e6;
+        desc.material.poisson = 0;
+        dgfem_shell *shell = shell_make(&desc, 8, 1, 0, far ? map_strip_far : map_strip);
+        double x = far ? 1e4 : 0;
+        int tip = shell_grid_nearest(shell, x + 10, -x, 0);
+        int count = shell_edges(shell, plane_of(1, 0, 0, x), edges);
+        check_status(dgfem_shell_clamp(shell, edges, count, NULL), DGFEM_OK);
+        count = shell_edges(shell, plane_of(1, 0, 0, x + 10), edges);
+        check_status(dgfem_shell_set_line_load(shell, edges, count, at3(0, 0, 4), NULL), DGFEM_OK);
+        check_status(dgfem_shell_solve_static(shell, &how, NULL), DGFEM_OK);
+        tips[far] = (double)shell->position[tip].z;
+        dgfem_shell_destroy(shell);
+    }
+    check_near(tips[1], tips[0], 1e-5);
+}
+
+/* Where rotations are not followed, pressure and moments that follow are dead loads. */
+static void linear_shells_have_dead_loads(void **state) {
+    dgfem_vec3 tips[2];
+    (void)state;
+    for (int follower = 0; follower < 2; follower++) {
+        dgfem_shell *shell = make_strip(4, 0, 0);
+        dgfem_shell_static_desc how = dgfem_default_shell_static_desc();
+        int edges[256], count = shell_edges(shell, plane_of(1, 0, 0, 10), edges);
+        check_status(dgfem_shell_set_pressure(shell, NULL, 0, 1, follower, NULL), DGFEM_OK);
+        check_status(dgfem_shell_set_moment(shell, edges, count, 5, follower, NULL), DGFEM_OK);
+        check_status(dgfem_shell_solve_static(shell, &how, NULL), DGFEM_OK);
+        check_status(dgfem_shell_solve_static(shell, &how, NULL), DGFEM_OK); /* from the bent shape */
+        tips[follower] = shell->position[shell_grid_nearest(shell, 10, 0, 0)];
+        dgfem_shell_destroy(shell);
+    }
+    check_near3(tips[1], tips[0], DGFEM_REAL_IS_FLOAT ? 0.02 : 1e-8);
+}
+
 /* E I 2 pi / L rolls the strip up to a circle. */
 static void strip_rolls_up(void **state) {
     dgfem_shell_static_desc how = dgfem_default_shell_static_desc();
@@ -726,6 +785,9 @@ static void refuses_bad_conditions(void **state) {
     memset(&no_rotation, 0, sizeof no_rotation);
     check_status(dgfem_shell_move_clamp(shell, id, no_rotation, at3(0, 0, 0)), DGFEM_ERROR_ARGUMENT);
     check_logged(&host, "not a rotation");
+    no_rotation.m[0][0] = no_rotation.m[1][1] = 1, no_rotation.m[2][2] = -1;
+    check_status(dgfem_shell_move_clamp(shell, id, no_rotation, at3(0, 0, 0)), DGFEM_ERROR_ARGUMENT);
+    check_logged(&host, "a reflection");
     how.max_iterations = 0;
     check_status(dgfem_shell_solve_static(shell, &how, NULL), DGFEM_ERROR_ARGUMENT);
     check_logged(&host, "iterations");
@@ -753,6 +815,8 @@ int main(void) {
         cmocka_unit_test(matrix_is_the_symmetric_tangent),
         cmocka_unit_test(strip_bends_as_a_beam),
         cmocka_unit_test(strip_under_large_end_shear),
+        cmocka_unit_test(strip_bends_far_from_the_origin),
+        cmocka_unit_test(linear_shells_have_dead_loads),
         cmocka_unit_test(strip_rolls_up),
         cmocka_unit_test(fixed_point_agrees_with_newton),
         cmocka_unit_test(column_loses_stability_at_eulers_load),

@@ -270,6 +270,13 @@ static void refuses_bad_cuts(void **state) {
     check_logged(&host, "on the boundary");
     check_status(dgfem_shell_cut_edges(shell, &far, 1, DGFEM_SHELL_GAP), DGFEM_ERROR_INDEX);
     check_logged(&host, "edge 99");
+    int inner = 0;
+    while (shell->edges[inner].element[1] == DGFEM_NONE) inner++;
+    check_status(dgfem_shell_cut_edges(shell, &inner, 1, (dgfem_shell_joint)-1), DGFEM_ERROR_ARGUMENT);
+    check_logged(&host, "unknown joint -1");
+    cut.bounded = 1; /* without its ends */
+    check_status(dgfem_shell_cut_plane(shell, &cut, NULL), DGFEM_ERROR_ARGUMENT);
+    check_logged(&host, "from a point to itself");
     cut.plane.normal = at3(0, 0, 0);
     check_status(dgfem_shell_cut_plane(shell, &cut, NULL), DGFEM_ERROR_ARGUMENT);
     check_logged(&host, "normal is zero");
@@ -284,6 +291,17 @@ static void refuses_bad_cuts(void **state) {
     dgfem_shell_cut_info info;
     check_status(dgfem_shell_cut_plane(shell, &cut, &info), DGFEM_OK);
     assert_int_equal(info.elements_split + info.edges_cut + info.nodes_added, 0);
+    assert_int_equal(info.pieces, 1);
+    check_status(dgfem_shell_cut_edges(shell, &inner, 1, DGFEM_SHELL_GLUED), DGFEM_OK);
+    cut.plane.offset = (dgfem_real)0.5; /* along edges that are glued already */
+    cut.joint = DGFEM_SHELL_GLUED;
+    check_status(dgfem_shell_cut_plane(shell, &cut, NULL), DGFEM_OK);
+    assert_int_equal(shell->revision, 0); /* nothing has changed */
+    cut.joint = DGFEM_SHELL_HINGE;
+    for (int k = 0; k < 2; k++) {
+        check_status(dgfem_shell_cut_plane(shell, &cut, NULL), DGFEM_OK);
+        assert_int_equal(shell->revision, 1);
+    }
     dgfem_shell_destroy(shell);
     assert_int_equal(host.live, 0);
 }
@@ -335,6 +353,9 @@ static void surface_is_closed_and_exact(void **state) {
         cut.plane.offset = (dgfem_real)0.3;
         check_status(dgfem_shell_cut_plane(shell, &cut, NULL), DGFEM_OK);
         check_status(dgfem_shell_surface_update(surface, shell), DGFEM_ERROR_REVISION);
+        dgfem_shell *other = shell_make(&desc, 4, 4, 0, map_flat); /* of the surface's revision */
+        check_status(dgfem_shell_surface_update(surface, other), DGFEM_ERROR_REVISION);
+        dgfem_shell_destroy(other);
         dgfem_shell_surface_destroy(surface);
         check_status(dgfem_shell_surface_create(shell, &surface_desc, &surface), DGFEM_OK);
         assert_true(is_closed(surface, &volume));

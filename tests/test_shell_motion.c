@@ -35,19 +35,76 @@ static void free_fall_is_uniform(void **state) {
 /* Forces of a shell on itself cancel: a spinning, deformed shell keeps its momentum. */
 static void momentum_is_kept(void **state) {
     check_random random = check_random_seeded(71);
-    dgfem_shell_desc desc = shell_desc();
     (void)state;
-    desc.step_iterations = DGFEM_REAL_IS_FLOAT ? 4 : 20;
-    desc.step_tolerance = (dgfem_real)(DGFEM_REAL_IS_FLOAT ? 1e-5 : 1e-12);
-    desc.damping_stiffness = (dgfem_real)0.001;
-    dgfem_shell *shell = shell_make_mixed(&desc, 0.2);
-    dgfem_vec3 before, after, turning_before, turning_after;
-    for (int i = 0; i < shell->node_count; i++) shell->velocity[i] = check_random_vec3(&random, -1, 1);
-    check_status(dgfem_shell_momentum(shell, &before, &turning_before), DGFEM_OK);
-    for (int step = 0; step < 5; step++) check_status(dgfem_shell_step(shell, (dgfem_real)0.002, NULL), DGFEM_OK);
-    check_status(dgfem_shell_momentum(shell, &after, &turning_after), DGFEM_OK);
-    check_near3(after, before, DGFEM_REAL_IS_FLOAT ? 1e-4 : 1e-10);
-    assert_true(isfinite((double)turning_after.x));
+    for (int consistent = 0; consistent < 2; consistent++) {
+        dgfem_shell_desc desc = shell_desc();
+        desc.consistent_mass = consistent;
+        desc.step_iterations = DGFEM_REAL_IS_FLOAT ? 4 : 20;
+        desc.step_tolerance = (dgfem_real)(DGFEM_REAL_IS_FLOAT ? 1e-5 : 1e-12);
+        desc.damping_stiffness = (dgfem_real)0.001;
+        dgfem_shell *shell = shell_make_mixed(&desc, 0.2);
+        dgfem_vec3 before, after, turning_before, turning_after;
+        for (int i = 0; i < shell->node_count; i++) shell->velocity[i] = check_random_vec3(&random, -1, 1);
+        check_status(dgfem_shell_momentum(shell, &before, &turning_before), DGFEM_OK);
+        for (int step = 0; step < 5; step++) check_status(dgfem_shell_step(shell, (dgfem_real)0.002, NULL), DGFEM_OK);
+        check_status(dgfem_shell_momentum(shell, &after, &turning_after), DGFEM_OK);
+        check_near3(after, before, DGFEM_REAL_IS_FLOAT ? 1e-4 : 1e-10);
+        assert_true(isfinite((double)turning_after.x));
+        dgfem_shell_destroy(shell);
+    }
+}
+
+/* A step is the same in a frame that moves: as many iterations, the same motion besides. */
+static void steps_do_not_see_the_frame(void **state) {
+    const double speed = DGFEM_REAL_IS_FLOAT ? 16 : 4096;
+    (void)state;
+    for (int resting = 0; resting < 2; resting++) {
+        dgfem_vec3 ends[2][64];
+        int iterations[2] = {0, 0}, tip = 0;
+        for (int moving = 0; moving < 2; moving++) {
+            check_random random = check_random_seeded(73);
+            dgfem_shell_desc desc = shell_desc();
+            dgfem_shell_info info;
+            desc.step_iterations = 20;
+            dgfem_shell *shell = shell_make_mixed(&desc, 0.2);
+            tip = shell->node_count - 1;
+            for (int i = 0; i <= tip; i++) {
+                shell->velocity[i] = check_random_vec3(&random, -1, 1);
+                if (resting) shell->velocity[i] = at3(0, 0, 0);
+                shell->velocity[i].x += (dgfem_real)(speed * moving);
+            }
+            check_status(dgfem_shell_step(shell, (dgfem_real)0.0625, &info), DGFEM_OK);
+            iterations[moving] = info.iterations;
+            for (int i = 0; i <= tip; i++) ends[moving][i] = shell->position[i];
+            dgfem_shell_destroy(shell);
+        }
+        assert_int_equal(iterations[0], iterations[1]);
+        if (resting) assert_int_equal(iterations[0], 1);
+        for (int i = 0; i <= tip; i++) {
+            dgfem_vec3 x = ends[1][i];
+            check_near3(at3((double)x.x - 0.0625 * speed, (double)x.y, (double)x.z), ends[0][i],
+                        1e3 * speed * CHECK_EPSILON);
+        }
+    }
+}
+
+/* A unit square of 1 kg/m^2 that spins about z through its corner, in closed form; and its weight's energy. */
+static void consistent_mass_is_that_of_the_body(void **state) {
+    dgfem_shell_desc desc = shell_desc();
+    dgfem_energy energy;
+    dgfem_vec3 linear, angular;
+    (void)state;
+    desc.consistent_mass = 1;
+    desc.gravity = at3(-3, 0, 0);
+    dgfem_shell *shell = shell_make_mixed(&desc, 0);
+    for (int i = 0; i < shell->node_count; i++)
+        shell->velocity[i] = at3(-(double)shell->rest[i].y, (double)shell->rest[i].x, 0);
+    check_status(dgfem_shell_energy(shell, &energy), DGFEM_OK);
+    check_status(dgfem_shell_momentum(shell, &linear, &angular), DGFEM_OK);
+    check_near(energy.kinetic, 1.0 / 3, 64 * CHECK_EPSILON);
+    check_near(energy.gravity, 1.5, 64 * CHECK_EPSILON);
+    check_near3(linear, at3(-0.5, 0.5, 0), 64 * CHECK_EPSILON);
+    check_near3(angular, at3(0, 0, 2.0 / 3), 64 * CHECK_EPSILON);
     dgfem_shell_destroy(shell);
 }
 
@@ -247,6 +304,7 @@ int main(void) {
         cmocka_unit_test(friction_holds_or_slides),   cmocka_unit_test(sphere_catches_a_sheet),
         cmocka_unit_test(pins_and_fixtures_move),     cmocka_unit_test(large_steps_are_stable),
         cmocka_unit_test(motion_ends_in_equilibrium), cmocka_unit_test(steps_allocate_nothing),
+        cmocka_unit_test(consistent_mass_is_that_of_the_body), cmocka_unit_test(steps_do_not_see_the_frame),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

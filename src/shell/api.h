@@ -216,7 +216,7 @@ DGFEM_API dgfem_status dgfem_shell_set_moment(dgfem_shell *shell, const int *edg
 DGFEM_API dgfem_status dgfem_shell_set_line_load(dgfem_shell *shell, const int *edges, int count, dgfem_vec3 load,
                                                  int *id);
 /* Pressure (N/m^2) along the normal: of the rest state, or of the current one, area included, for a follower. elements
-   may be NULL: all. */
+   may be NULL: all. Without corotational nothing turns: followers, pressures and moments alike, act as dead loads. */
 DGFEM_API dgfem_status dgfem_shell_set_pressure(dgfem_shell *shell, const int *elements, int count, dgfem_real pressure,
                                                 int follower, int *id);
 /* Force (N) on each of the nodes. */
@@ -347,7 +347,8 @@ typedef struct dgfem_shell_surface {
     dgfem_vec3 *normals;   /* of the curved elements, exact; where elements meet, the mean of theirs */
     int *triangles;        /* counter-clockwise from outside */
     int *triangle_element; /* element of each triangle */
-    int revision;          /* of the shell it was made for */
+    int revision;          /* of the shell it was made for, and its size: */
+    int element_count, node_count;
     int subdivision, sides;
     int point_count;  /* points of the middle surface */
     int *point_of;    /* for each element its points, row by row */

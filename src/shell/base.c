@@ -198,6 +198,11 @@ static dgfem_mat3 dgfem_shelli_rotation(dgfem_vec3 axis, dgfem_real angle) {
     dgfem_shelli_add_outer(&r, 1 - c, axis, axis);
     return r;
 }
+static dgfem_real dgfem_shelli_determinant(const dgfem_mat3 *a) {
+    dgfem_vec3 r[3];
+    for (int i = 0; i < 3; i++) r[i] = dgfem_shelli_vec3(a->m[i][0], a->m[i][1], a->m[i][2]);
+    return dgfem_shelli_dot(r[0], dgfem_shelli_cross(r[1], r[2]));
+}
 /* Inverse of a symmetric matrix by cofactors; 0 where it has none. */
 static int dgfem_shelli_invert(const dgfem_mat3 *a, dgfem_mat3 *out) {
     dgfem_vec3 r[3], c[3];

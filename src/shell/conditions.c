@@ -187,6 +187,8 @@ DGFEM_API dgfem_status dgfem_shell_move_clamp(dgfem_shell *shell, int id, dgfem_
         for (int j = 0; j < 3; j++) error += dgfem_shelli_abs(unit.m[i][j] - (dgfem_real)(i == j));
     if (!(error < DGFEM_R(1e-4)))
         return dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_ARGUMENT, "condition %d: not a rotation", id);
+    if (!(dgfem_shelli_determinant(&rotation) > 0))
+        return dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_ARGUMENT, "condition %d: a reflection, not a rotation", id);
     condition->rotation = rotation;
     condition->vector = translation;
     return DGFEM_OK;
@@ -229,7 +231,7 @@ DGFEM_API dgfem_status dgfem_shell_set_line_load(dgfem_shell *shell, const int *
     return status;
 }
 
-/* All elements, in the items of a condition that is there already. */
+/* Appends a pressure; without a list of elements, on all. */
 static dgfem_status dgfem_shelli_add_pressure(dgfem_shell *shell, const int *elements, int count, int *id,
                                               dgfem_shell_condition **condition) {
     dgfem_shelli_scratch scratch = dgfem_shelli_scratch_make(&shell->hooks);

@@ -22,7 +22,7 @@ typedef struct dgfem_shelli_kinematics {
     dgfem_vec3 y[DGFEM_SHELLI_MAX_GROUP]; /* R^T x */
     dgfem_real strain[DGFEM_SHELLI_MAX_ROWS];
     dgfem_real stress[DGFEM_SHELLI_MAX_ROWS]; /* C strain, weight included */
-    dgfem_vec3 force[DGFEM_SHELLI_MAX_GROUP]; /* p_a, rotated frame; outer moments subtracted */
+    dgfem_vec3 force[DGFEM_SHELLI_MAX_GROUP]; /* p_a, rotated frame */
     dgfem_mat3 spin[DGFEM_SHELLI_MAX_GROUP];  /* W_a; only where asked for */
 } dgfem_shelli_kinematics;
 
@@ -243,7 +243,7 @@ static void dgfem_shelli_point_forces(const dgfem_real *s, int rows, const dgfem
         }
 }
 
-/* Which parts of a boundary edge act. */
+/* Whether a group acts: one of a boundary edge does where a condition holds the edge. */
 static int dgfem_shelli_group_acts(const dgfem_shell *shell, const dgfem_shelli_group *group) {
     return group->kind != DGFEM_SHELLI_BOUNDARY || shell->edges[group->owner].support != DGFEM_NONE;
 }

@@ -256,15 +256,16 @@ static dgfem_status dgfem_shelli_edit_commit(dgfem_shelli_edit *edit, dgfem_shel
 
 DGFEM_API dgfem_status dgfem_shell_cut_edges(dgfem_shell *shell, const int *edges, int count, dgfem_shell_joint joint) {
     dgfem_shelli_edit edit;
-    int separated;
+    int separated, changed = 0;
     if (!shell) return DGFEM_ERROR_ARGUMENT;
     dgfem_status status = dgfem_shelli_check_items(shell, edges, count, shell->edge_count, "edge");
     for (int i = 0; !status && i < count; i++)
         if (dgfem_shelli_is_boundary(&shell->edges[edges[i]]))
             status = dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_ARGUMENT, "edge %d is on the boundary", edges[i]);
-    if (!status && (int)joint > DGFEM_SHELL_GAP)
+    if (!status && ((int)joint < 0 || joint > DGFEM_SHELL_GAP))
         status = dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_ARGUMENT, "unknown joint %d", (int)joint);
-    if (status) return status;
+    for (int i = 0; !status && i < count; i++) changed += shell->edges[edges[i]].joint != joint;
+    if (status || !changed) return status;
     status = dgfem_shelli_edit_begin(&edit, shell, shell->element_count, shell->node_count + 8 * shell->element_count);
     for (int i = 0; !status && i < count; i++) edit.joint[shell->edges[edges[i]].node[2]] = (char)joint;
     if (!status) status = dgfem_shelli_edit_commit(&edit, shell, &separated);

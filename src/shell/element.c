@@ -65,6 +65,7 @@ struct dgfem_shell_system {
     dgfem_mat3 *free_part; /* [nodes] projector on the directions that are free */
     dgfem_vec3 *target;    /* [nodes] prescribed displacement, in the held directions */
     dgfem_real part;       /* 0..1: how far loads and rotations of supports have gone from `before` to now; else 1 */
+    dgfem_real stiffness;  /* largest diagonal of a step's last stiffness, for the round-off of forces */
     dgfem_real *work;      /* DGFEM_SHELLI_VECTORS vectors of all nodes */
 };
 
@@ -98,7 +99,7 @@ static dgfem_real dgfem_shelli_fine_area(const dgfem_shelli_basis *f, const dgfe
            dgfem_shelli_norm(dgfem_shelli_cross(dgfem_shelli_sum(f->d1, x, nodes), dgfem_shelli_sum(f->d2, x, nodes)));
 }
 
-/* Bending stiffness D and, with `squared` 1 in place of 3, membrane stiffness E h / (1 - nu^2). */
+/* Bending stiffness D = E h^3 / (12 (1 - nu^2)) and membrane stiffness E h / (1 - nu^2). */
 static dgfem_real dgfem_shelli_bending_stiffness(const dgfem_shell_element *element) {
     const dgfem_material *m = &element->material;
     dgfem_real h = element->thickness;

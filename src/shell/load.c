@@ -4,6 +4,11 @@
 
 /* ---- forces ---- */
 
+/* Whether a load turns with the shell: without rotations to follow there is only rest to act on. */
+static int dgfem_shelli_follows(const dgfem_shell *shell, const dgfem_shell_condition *condition) {
+    return condition->follower && shell->desc.corotational;
+}
+
 /* What pressure p at a point does: p n dA on its nodes, n dA that of rest or of now. */
 static dgfem_vec3 dgfem_shelli_pressure(const dgfem_shell *shell, const dgfem_shelli_group *group,
                                         const dgfem_shelli_point *point, const dgfem_shelli_local *local, int q,
@@ -25,6 +30,7 @@ static const dgfem_shelli_group *dgfem_shelli_element_group(const dgfem_shell *s
 static void dgfem_shelli_add_pressure_force(const dgfem_shell *shell, const dgfem_shell_condition *condition,
                                             const dgfem_vec3 *x, dgfem_real factor, dgfem_vec3 *out) {
     dgfem_real pressure = factor * dgfem_shelli_scalar_now(shell, condition);
+    int follower = dgfem_shelli_follows(shell, condition);
     for (int i = 0; i < condition->count; i++) {
         const dgfem_shelli_group *group = dgfem_shelli_element_group(shell, condition->items[i]);
         dgfem_shelli_local local;
@@ -33,7 +39,7 @@ static void dgfem_shelli_add_pressure_force(const dgfem_shell *shell, const dgfe
         for (int q = 0; q < group->point_count; q++) {
             const dgfem_shelli_point *point = &shell->system->points[group->point_start + q];
             const dgfem_real *n = shell->system->basis[point->basis[0]].n;
-            dgfem_vec3 push = dgfem_shelli_pressure(shell, group, point, &local, q, condition->follower, &e1, &e2);
+            dgfem_vec3 push = dgfem_shelli_pressure(shell, group, point, &local, q, follower, &e1, &e2);
             for (int a = 0; a < local.count; a++)
                 out[local.nodes[a]] = dgfem_shelli_axpy(out[local.nodes[a]], pressure * n[a], push);
         }
@@ -128,7 +134,8 @@ static void dgfem_shelli_add_external(const dgfem_shell *shell, const dgfem_vec3
 static void dgfem_shelli_add_followers(const dgfem_shell *shell, const dgfem_vec3 *x, dgfem_real factor,
                                        dgfem_vec3 *out) {
     for (int c = 0; c < shell->condition_count; c++)
-        if (shell->conditions[c].kind == DGFEM_SHELL_CONDITION_PRESSURE && shell->conditions[c].follower)
+        if (shell->conditions[c].kind == DGFEM_SHELL_CONDITION_PRESSURE &&
+            dgfem_shelli_follows(shell, &shell->conditions[c]))
             dgfem_shelli_add_pressure_force(shell, &shell->conditions[c], x, factor, out);
     dgfem_shelli_add_moments(shell, x, factor, out);
 }
@@ -199,7 +206,8 @@ static void dgfem_shelli_assemble_external(const dgfem_shell *shell, const dgfem
                                            dgfem_real factor) {
     for (int c = 0; c < shell->condition_count; c++) {
         const dgfem_shell_condition *condition = &shell->conditions[c];
-        if (condition->kind == DGFEM_SHELL_CONDITION_PRESSURE && condition->follower && followers)
+        int follows = followers && dgfem_shelli_follows(shell, condition);
+        if (condition->kind == DGFEM_SHELL_CONDITION_PRESSURE && follows)
             dgfem_shelli_assemble_pressure(shell, condition, x, factor);
         if (condition->kind != DGFEM_SHELL_CONDITION_PIN) continue;
         for (int i = 0; i < condition->count; i++) {

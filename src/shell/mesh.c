@@ -312,6 +312,32 @@ static int dgfem_shelli_measure_element(const dgfem_shell *shell, dgfem_shell_el
     return 1;
 }
 
+/* 1 where the corners' normals are on the side of the one at the centre: neither concave nor tangled. */
+static int dgfem_shelli_is_convex(const dgfem_vec3 *x, int n) {
+    dgfem_real third = n == 8 ? 0 : DGFEM_R(1.0) / 3;
+    dgfem_shelli_basis f;
+    dgfem_shelli_frame centre, corner;
+    dgfem_shelli_basis_at(n, dgfem_shelli_parameter_make(third, third), &f);
+    if (!dgfem_shelli_frame_at(&f, x, n, &centre)) return 0;
+    for (int k = 0; k < n / 2; k++) {
+        dgfem_shelli_basis_at(n, dgfem_shelli_corner(n, k), &f);
+        if (!dgfem_shelli_frame_at(&f, x, n, &corner) || !(dgfem_shelli_dot(corner.t, centre.t) > 0)) return 0;
+    }
+    return 1;
+}
+
+/* For a mesh that is given: pieces that cuts leave are taken as they are. */
+static dgfem_status dgfem_shelli_check_convex(const dgfem_shell *shell) {
+    for (int e = 0; e < shell->element_count; e++) {
+        const dgfem_shell_element *element = &shell->elements[e];
+        dgfem_vec3 x[DGFEM_SHELL_MAX_NODES];
+        dgfem_shelli_gather(shell->rest, element->node, element->node_count, x);
+        if (!dgfem_shelli_is_convex(x, element->node_count))
+            return dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_DEGENERATE, "element %d is concave or tangled", e);
+    }
+    return DGFEM_OK;
+}
+
 /* Measures of all elements, and what each node has of them: area and mass in proportion to the integral of N^2. */
 static dgfem_status dgfem_shelli_measure(dgfem_shell *shell) {
     for (int i = 0; i < shell->node_count; i++) {

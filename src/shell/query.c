@@ -150,28 +150,57 @@ DGFEM_API dgfem_status dgfem_shell_stiffness(dgfem_shell *shell, int tangent, co
 
 /* ---- totals ---- */
 
+/* Kinetic energy, momentum, and angular momentum about the origin, with the mass matrix that steps use. */
+typedef struct dgfem_shelli_motion {
+    dgfem_real kinetic;
+    dgfem_vec3 linear, angular;
+} dgfem_shelli_motion;
+
+static void dgfem_shelli_add_motion(dgfem_shelli_motion *motion, dgfem_real mass, dgfem_vec3 x, dgfem_vec3 v) {
+    dgfem_vec3 mv = dgfem_shelli_scale(mass, v);
+    motion->kinetic += DGFEM_R(0.5) * dgfem_shelli_dot(mv, v);
+    motion->linear = dgfem_shelli_add(motion->linear, mv);
+    motion->angular = dgfem_shelli_add(motion->angular, dgfem_shelli_cross(x, mv));
+}
+
+static dgfem_shelli_motion dgfem_shelli_total_motion(const dgfem_shell *shell) {
+    dgfem_shelli_motion motion;
+    memset(&motion, 0, sizeof motion);
+    for (int i = 0; !shell->desc.consistent_mass && i < shell->node_count; i++)
+        dgfem_shelli_add_motion(&motion, shell->node_mass[i], shell->position[i], shell->velocity[i]);
+    for (int e = 0; shell->desc.consistent_mass && e < shell->element_count; e++) {
+        const dgfem_shell_element *element = &shell->elements[e];
+        dgfem_vec3 rest[DGFEM_SHELL_MAX_NODES], x[DGFEM_SHELL_MAX_NODES], v[DGFEM_SHELL_MAX_NODES];
+        int n = element->node_count;
+        dgfem_real density = element->thickness * element->material.density;
+        dgfem_shelli_gather(shell->rest, element->node, n, rest);
+        dgfem_shelli_gather(shell->position, element->node, n, x);
+        dgfem_shelli_gather(shell->velocity, element->node, n, v);
+        for (int q = 0; q < dgfem_shelli_fine_count(n); q++) {
+            const dgfem_shelli_basis *f = dgfem_shelli_fine_basis(shell->system, n, q);
+            dgfem_shelli_add_motion(&motion, density * dgfem_shelli_fine_area(f, rest, n, q),
+                                    dgfem_shelli_sum(f->n, x, n), dgfem_shelli_sum(f->n, v, n));
+        }
+    }
+    return motion;
+}
+
 DGFEM_API dgfem_status dgfem_shell_energy(const dgfem_shell *shell, dgfem_energy *out) {
     if (!shell || !out) return DGFEM_ERROR_ARGUMENT;
     memset(out, 0, sizeof *out);
     out->elastic = dgfem_shelli_add_internal(shell, shell->position, NULL, 1, NULL);
-    for (int i = 0; i < shell->node_count; i++) {
-        dgfem_vec3 v = shell->velocity[i];
-        out->kinetic += DGFEM_R(0.5) * shell->node_mass[i] * dgfem_shelli_dot(v, v);
-        out->gravity -= shell->node_mass[i] * dgfem_shelli_dot(shell->desc.gravity, shell->position[i]);
-    }
+    out->kinetic = dgfem_shelli_total_motion(shell).kinetic;
+    const dgfem_real *weight = shell->desc.consistent_mass ? shell->node_load : shell->node_mass;
+    for (int i = 0; i < shell->node_count; i++)
+        out->gravity -= weight[i] * dgfem_shelli_dot(shell->desc.gravity, shell->position[i]);
     return DGFEM_OK;
 }
 
 DGFEM_API dgfem_status dgfem_shell_momentum(const dgfem_shell *shell, dgfem_vec3 *linear, dgfem_vec3 *angular) {
-    dgfem_vec3 p = dgfem_shelli_vec3(0, 0, 0), l = p;
     if (!shell) return DGFEM_ERROR_ARGUMENT;
-    for (int i = 0; i < shell->node_count; i++) {
-        dgfem_vec3 mv = dgfem_shelli_scale(shell->node_mass[i], shell->velocity[i]);
-        p = dgfem_shelli_add(p, mv);
-        l = dgfem_shelli_add(l, dgfem_shelli_cross(shell->position[i], mv));
-    }
-    if (linear) *linear = p;
-    if (angular) *angular = l;
+    dgfem_shelli_motion motion = dgfem_shelli_total_motion(shell);
+    if (linear) *linear = motion.linear;
+    if (angular) *angular = motion.angular;
     return DGFEM_OK;
 }
 

@@ -96,7 +96,8 @@ static dgfem_real dgfem_shelli_crossing(const dgfem_shelli_splitter *s, const in
 
 /* ---- splitting edges ---- */
 
-/* A point of an old element: node a of a new one. */
+/* Puts a point of an old element at node `at` of the new topology, or at one more where that is DGFEM_NONE. Returns the
+   node. */
 static int dgfem_shelli_interpolate(dgfem_shelli_edit *edit, const dgfem_shell_element *element,
                                     dgfem_shelli_parameter p, int at) {
     const dgfem_shell *old = edit->old;
@@ -278,17 +279,28 @@ static int dgfem_shelli_element_above(const dgfem_shelli_splitter *s, int e) {
     return sum > 0;
 }
 
-/* Edges that lie on the plane, between elements on either side of it. */
+/* Whether an edge lies on the plane, between elements on either side of it. */
+static int dgfem_shelli_lies_along(const dgfem_shelli_splitter *s, const dgfem_shell_edge *edge) {
+    const dgfem_vec3 *x = s->desc->current ? s->edit->old->position : s->edit->old->rest;
+    if (dgfem_shelli_is_boundary(edge) || s->side[edge->node[0]] || s->side[edge->node[1]]) return 0;
+    if (!dgfem_shelli_in_bounds(s->desc, x[edge->node[2]])) return 0;
+    return dgfem_shelli_element_above(s, edge->element[0]) != dgfem_shelli_element_above(s, edge->element[1]);
+}
+
 static void dgfem_shelli_cut_along(const dgfem_shelli_splitter *s) {
     const dgfem_shell *shell = s->edit->old;
-    const dgfem_vec3 *x = s->desc->current ? shell->position : shell->rest;
-    for (int i = 0; i < shell->edge_count; i++) {
-        const dgfem_shell_edge *edge = &shell->edges[i];
-        if (dgfem_shelli_is_boundary(edge) || s->side[edge->node[0]] || s->side[edge->node[1]]) continue;
-        if (!dgfem_shelli_in_bounds(s->desc, x[edge->node[2]])) continue;
-        if (dgfem_shelli_element_above(s, edge->element[0]) != dgfem_shelli_element_above(s, edge->element[1]))
-            s->edit->joint[edge->node[2]] = (char)s->desc->joint;
-    }
+    for (int i = 0; i < shell->edge_count; i++)
+        if (dgfem_shelli_lies_along(s, &shell->edges[i]))
+            s->edit->joint[shell->edges[i].node[2]] = (char)s->desc->joint;
+}
+
+/* Edges that cutting along would change. */
+static int dgfem_shelli_count_along(const dgfem_shelli_splitter *s) {
+    const dgfem_shell *shell = s->edit->old;
+    int count = 0;
+    for (int i = 0; i < shell->edge_count; i++)
+        count += shell->edges[i].joint != s->desc->joint && dgfem_shelli_lies_along(s, &shell->edges[i]);
+    return count;
 }
 
 /* Finds the elements that are cut and those that must be divided because a side was crossed. Returns how many. */
@@ -327,6 +339,13 @@ static dgfem_status dgfem_shelli_cut_elements(dgfem_shelli_splitter *s, dgfem_sh
     edit->old = shell;
     dgfem_shelli_classify(s);
     int count = dgfem_shelli_mark_elements(s, shell, touched);
+    if (!count && !dgfem_shelli_count_along(s)) { /* nothing changes */
+        int *class_of = (int *)dgfem_shelli_take(scratch, elements, sizeof(int));
+        int *number = (int *)dgfem_shelli_take(scratch, elements, sizeof(int));
+        if (!class_of || !number) return DGFEM_ERROR_MEMORY;
+        info->pieces = dgfem_shelli_count_pieces(shell, class_of, number);
+        return DGFEM_OK;
+    }
 
     /* A divided element gives six triangles and five lines inside at most; two new middles per side. */
     int element_room = shell->element_count + 5 * count, node_room = shell->node_count + 13 * count + 6 * element_room;
@@ -354,6 +373,8 @@ static dgfem_status dgfem_shelli_check_cut(const dgfem_shell *shell, const dgfem
     if (!status) status = dgfem_shelli_check_vector(shell, desc->to, "to");
     if (!status && !(dgfem_shelli_norm(desc->plane.normal) > 0))
         status = dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_ARGUMENT, "the normal is zero");
+    if (!status && desc->bounded && !(dgfem_shelli_norm(dgfem_shelli_sub(desc->to, desc->from)) > 0))
+        status = dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_ARGUMENT, "a bounded cut from a point to itself");
     if (!status && !(desc->snap >= 0 && desc->snap < DGFEM_R(0.5)))
         status = dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_ARGUMENT, "snap is %g, expected in [0, 0.5)",
                                    (double)desc->snap);

@@ -94,6 +94,7 @@ typedef struct dgfem_shelli_path {
     dgfem_real scale;     /* size of the forces that balance */
     dgfem_real stiffness; /* largest diagonal, for the round-off of forces */
     dgfem_real extent;    /* of the shell */
+    dgfem_real reach;     /* what the round-off of positions is measured by */
     int search;           /* whether to search along the lines */
 } dgfem_shelli_path;
 
@@ -111,10 +112,8 @@ static void dgfem_shelli_residual(const dgfem_shell *shell, const dgfem_vec3 *x,
 }
 
 /* Converged, by tolerance or because round-off allows no more. */
-static int dgfem_shelli_converged(const dgfem_shell *shell, const dgfem_shelli_path *path, dgfem_real tolerance,
-                                  dgfem_real residual) {
-    dgfem_real floor = 4 * DGFEM_SHELL_EPSILON * path->stiffness * path->extent;
-    (void)shell;
+static int dgfem_shelli_converged(const dgfem_shelli_path *path, dgfem_real tolerance, dgfem_real residual) {
+    dgfem_real floor = 4 * DGFEM_SHELL_EPSILON * path->stiffness * path->reach;
     return residual <= tolerance * path->scale || residual <= floor;
 }
 
@@ -125,6 +124,16 @@ static dgfem_real dgfem_shelli_extent(const dgfem_shell *shell) {
         square = dgfem_shelli_max(square, dgfem_shelli_dot(d, d));
     }
     return dgfem_shelli_sqrt(square);
+}
+
+/* Size of the numbers that positions x and those of rest are made of: the extent and the distance from the origin. */
+static dgfem_real dgfem_shelli_reach(const dgfem_shell *shell, const dgfem_vec3 *x, dgfem_real extent) {
+    dgfem_real square = 0;
+    for (int i = 0; i < shell->node_count; i++) {
+        square = dgfem_shelli_max(square, dgfem_shelli_dot(x[i], x[i]));
+        square = dgfem_shelli_max(square, dgfem_shelli_dot(shell->rest[i], shell->rest[i]));
+    }
+    return extent + dgfem_shelli_sqrt(square);
 }
 
 /* ---- one Newton iteration ---- */
@@ -150,7 +159,7 @@ static dgfem_real dgfem_shelli_prescribed(const dgfem_shell *shell, const dgfem_
 /* Whether a load's derivative is not all in the symmetric matrix. */
 static int dgfem_shelli_has_followers(const dgfem_shell *shell) {
     for (int c = 0; c < shell->condition_count; c++)
-        if (shell->conditions[c].follower) return 1;
+        if (dgfem_shelli_follows(shell, &shell->conditions[c])) return 1;
     return 0;
 }
 
@@ -300,7 +309,8 @@ static dgfem_status dgfem_shelli_iterate(dgfem_shell *shell, const dgfem_shell_s
     for (int iteration = 0; iteration < desc->max_iterations; iteration++) {
         dgfem_real moved =
             dgfem_shelli_prescribed(shell, x, path->part, dgfem_shelli_vector(shell, DGFEM_SHELLI_MOTION));
-        int moves = moved > 10 * DGFEM_SHELL_EPSILON * path->extent;
+        path->reach = dgfem_shelli_reach(shell, x, path->extent);
+        int moves = moved > 10 * DGFEM_SHELL_EPSILON * path->reach;
         if (iteration == 0) dgfem_shelli_residual(shell, x, path, r);
         int refine = !desc->frozen && shell->desc.corotational && iteration >= 3;
         dgfem_status status = dgfem_shelli_increment(shell, x, desc->frozen, path, moves, refine, info);
@@ -317,7 +327,7 @@ static dgfem_status dgfem_shelli_iterate(dgfem_shell *shell, const dgfem_shell_s
         dgfem_real residual = dgfem_shelli_length(shell, r);
         info->residual = path->scale > 0 ? residual / path->scale : 0;
         if (!dgfem_shelli_is_finite(residual)) return DGFEM_ERROR_NOT_CONVERGED;
-        if (!shell->desc.corotational || dgfem_shelli_converged(shell, path, desc->tolerance, residual))
+        if (!shell->desc.corotational || dgfem_shelli_converged(path, desc->tolerance, residual))
             return DGFEM_OK;
     }
     return DGFEM_ERROR_NOT_CONVERGED;

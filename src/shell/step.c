@@ -137,23 +137,42 @@ static void dgfem_shelli_hold_velocities(const dgfem_shell *shell, dgfem_real h,
     }
 }
 
-/* Positions and residual of velocities v; sets the scale of the momenta that balance. Returns the nodes in contact. */
+/* Positions and residual of velocities v; sets the scale of the momenta that balance, which does not depend on how fast
+   the frame moves. Returns the nodes in contact. */
 static int dgfem_shelli_step_residual(const dgfem_shell *shell, dgfem_real h, const dgfem_vec3 *v, dgfem_vec3 *x,
                                       dgfem_vec3 *r, dgfem_real *scale) {
     dgfem_vec3 *force = dgfem_shelli_vector(shell, DGFEM_SHELLI_FORCE);
+    dgfem_vec3 *gain = dgfem_shelli_vector(shell, DGFEM_SHELLI_MOTION);
+    dgfem_vec3 *momentum = dgfem_shelli_vector(shell, DGFEM_SHELLI_RHS);
     const dgfem_vec3 *damped = shell->desc.damping_stiffness > 0 ? v : NULL;
     for (int i = 0; i < shell->node_count; i++) x[i] = dgfem_shelli_axpy(shell->position[i], h, v[i]);
+    for (int i = 0; i < shell->node_count; i++) gain[i] = dgfem_shelli_sub(v[i], shell->velocity[i]);
     memset(force, 0, dgfem_shelli_bytes(shell));
+    memset(momentum, 0, dgfem_shelli_bytes(shell));
     memset(r, 0, dgfem_shelli_bytes(shell));
     dgfem_shelli_add_external(shell, x, !shell->desc.consistent_mass, h, force);
-    dgfem_shelli_add_momentum(shell, 1, shell->velocity, force);
     int contacts = dgfem_shelli_add_contact(shell, x, v, h, force);
     (void)dgfem_shelli_add_internal(shell, x, damped, h, r);
+    dgfem_shelli_add_momentum(shell, 1, gain, momentum);
     *scale = dgfem_shelli_max(dgfem_shelli_length(shell, force), dgfem_shelli_length(shell, r));
-    dgfem_shelli_add_momentum(shell, 1 + h * shell->desc.damping_mass, v, r);
-    for (int i = 0; i < shell->node_count; i++) r[i] = dgfem_shelli_sub(force[i], r[i]);
+    *scale = dgfem_shelli_max(*scale, dgfem_shelli_length(shell, momentum));
+    dgfem_shelli_add_momentum(shell, h * shell->desc.damping_mass, v, momentum);
+    for (int i = 0; i < shell->node_count; i++)
+        r[i] = dgfem_shelli_sub(dgfem_shelli_sub(force[i], r[i]), momentum[i]);
     dgfem_shelli_hold_vector(shell, r);
     return contacts;
+}
+
+/* Round-off of the momenta that balance: of h f_int by that of positions, and of M v. Where nothing acts, as in free
+   flight, no residual is smaller. */
+static dgfem_real dgfem_shelli_step_floor(const dgfem_shell *shell, dgfem_real h, const dgfem_vec3 *x,
+                                          const dgfem_vec3 *v, dgfem_real extent) {
+    dgfem_real size = h * shell->system->stiffness * dgfem_shelli_reach(shell, x, extent), square = 0;
+    for (int i = 0; i < shell->node_count; i++) {
+        dgfem_real mass = dgfem_shelli_max(shell->node_mass[i], shell->node_load[i]);
+        square += mass * mass * (dgfem_shelli_dot(v[i], v[i]));
+    }
+    return 4 * DGFEM_SHELL_EPSILON * (size + dgfem_shelli_sqrt(square));
 }
 
 /* Matrix of a step: (1 + h alpha) M + h^2 K + h beta K_frozen, loads and contact. Loads that make it indefinite are
@@ -162,6 +181,8 @@ static void dgfem_shelli_assemble_step(const dgfem_shell *shell, dgfem_real h, c
                                        int spins) {
     dgfem_matrix_clear(shell->system->matrix);
     dgfem_shelli_assemble(shell, x, spins, 1 + shell->desc.damping_stiffness / h, h * h);
+    shell->system->stiffness =
+        dgfem_shelli_shift_diagonal(shell, 0) / (h * h * (1 + shell->desc.damping_stiffness / h));
     dgfem_shelli_assemble_external(shell, x, spins, h * h);
     dgfem_shelli_assemble_mass(shell, 1 + h * shell->desc.damping_mass);
     dgfem_shelli_assemble_contact(shell, x, v, h);
@@ -228,7 +249,7 @@ static dgfem_status dgfem_shelli_step(dgfem_shell *shell, dgfem_real h, dgfem_sh
     const dgfem_real lost = DGFEM_R(0.1); /* a residual that is as good as none */
     dgfem_vec3 *x = dgfem_shelli_vector(shell, DGFEM_SHELLI_X), *v = dgfem_shelli_vector(shell, DGFEM_SHELLI_V);
     dgfem_vec3 *r = dgfem_shelli_vector(shell, DGFEM_SHELLI_RESIDUAL);
-    dgfem_real scale;
+    dgfem_real scale, extent = dgfem_shelli_extent(shell);
     (void)dgfem_shelli_collect_held(shell);
     memcpy(v, shell->velocity, dgfem_shelli_bytes(shell));
     dgfem_shelli_hold_velocities(shell, h, v);
@@ -241,6 +262,7 @@ static dgfem_status dgfem_shelli_step(dgfem_shell *shell, dgfem_real h, dgfem_sh
         dgfem_real residual = dgfem_shelli_length(shell, r);
         info->residual = scale > 0 ? residual / scale : 0;
         if (residual <= shell->desc.step_tolerance * scale) break;
+        if (residual <= dgfem_shelli_step_floor(shell, h, x, v, extent)) break;
         if (info->iterations >= shell->desc.step_iterations || !dgfem_shelli_is_finite(residual))
             return residual <= lost * scale ? DGFEM_OK : dgfem_shelli_step_frozen(shell, h, info);
         if (!shell->desc.corotational && !shell->shape_count) break;

@@ -171,6 +171,8 @@ DGFEM_API dgfem_status dgfem_shell_surface_create(const dgfem_shell *shell, cons
     surface->subdivision = desc->subdivision;
     surface->sides = desc->sides;
     surface->revision = shell->revision;
+    surface->element_count = shell->element_count;
+    surface->node_count = shell->node_count;
     if (!dgfem_shelli_surface_build(surface, shell)) {
         dgfem_shell_surface_destroy(surface);
         return dgfem_shelli_fail_memory(&desc->hooks);
@@ -216,6 +218,10 @@ DGFEM_API dgfem_status dgfem_shell_surface_update(dgfem_shell_surface *surface, 
     if (surface->revision != shell->revision)
         return dgfem_shelli_fail(&surface->hooks, DGFEM_ERROR_REVISION, "surface of revision %d, shell has %d",
                                  surface->revision, shell->revision);
+    if (surface->element_count != shell->element_count || surface->node_count != shell->node_count)
+        return dgfem_shelli_fail(&surface->hooks, DGFEM_ERROR_REVISION,
+                                 "surface of %d elements and %d nodes, shell has %d and %d", surface->element_count,
+                                 surface->node_count, shell->element_count, shell->node_count);
     int m = surface->subdivision, count = surface->point_count;
     memset(surface->normals, 0, (size_t)count * sizeof *surface->normals);
     for (int nodes = 6; nodes <= 8; nodes += 2)

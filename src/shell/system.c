@@ -273,6 +273,7 @@ static dgfem_status dgfem_shelli_build(dgfem_shell *shell, const dgfem_shell_des
     if (!status) status = dgfem_shelli_check_used(shell);
     if (!status) status = dgfem_shelli_connect(shell);
     if (!status) status = dgfem_shelli_measure(shell);
+    if (!status) status = dgfem_shelli_check_convex(shell);
     if (status) return status;
     memcpy(shell->position, shell->rest, (size_t)shell->node_count * sizeof *shell->rest);
     return dgfem_shelli_system_create(shell);
