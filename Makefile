@@ -15,6 +15,8 @@ TESTS := $(patsubst tests/%.c,%,$(wildcard tests/test_*.c))
 EXAMPLES := $(patsubst examples/%.c,build/examples/%,$(wildcard examples/*.c))
 BENCHES := $(patsubst bench/%.c,build/bench/%,$(wildcard bench/bench_*.c))
 COMMON := $(wildcard examples/common/*.h examples/common/*.c)
+# What all examples are linked with, compiled once.
+OBJECTS := $(PRODUCTS:%.h=build/%.o) $(patsubst examples/common/%.c,build/common/%.o,$(filter %.c,$(COMMON)))
 
 WARNINGS := -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wdouble-promotion -Werror
 POSIX := -D_POSIX_C_SOURCE=200809L
@@ -56,14 +58,20 @@ examples: $(EXAMPLES) ## builds the examples into build/examples/
 
 # Each example is a whole program with the library in it. Here the library is compiled once for all of them: with
 # DGFEM_IMPLEMENTED defined, DGFEM_IMPLEMENTATION adds nothing.
-build/dgfem.o: dgfem.h
+build/dgfem_%.o: NOT_HERE := -DDGFEM_IMPLEMENTED
+build/%.o: %.h dgfem.h
 	@mkdir -p $(@D)
-	$(CC) -std=c99 $(POSIX) $(CFLAGS) $(WARNINGS) -DDGFEM_IMPLEMENTATION -x c -c -o $@.$$$$ $< && mv $@.$$$$ $@
+	$(CC) -std=c99 $(POSIX) $(CFLAGS) $(WARNINGS) -DDGFEM_IMPLEMENTATION $(NOT_HERE) -x c -c -o $@.$$$$ $< && \
+	mv $@.$$$$ $@
 
-build/examples/%: examples/%.c $(PRODUCTS) $(COMMON) build/dgfem.o
+build/common/%.o: examples/common/%.c $(PRODUCTS) $(COMMON)
 	@mkdir -p $(@D)
-	$(CC) -std=c99 $(POSIX) $(CFLAGS) $(WARNINGS) $(INCLUDES) -DDGFEM_IMPLEMENTED -o $@.$$$$ $< \
-	$(filter examples/common/%.c,$^) build/dgfem.o -lm && mv $@.$$$$ $@
+	$(CC) -std=c99 $(POSIX) $(CFLAGS) $(WARNINGS) $(INCLUDES) -c -o $@.$$$$ $< && mv $@.$$$$ $@
+
+build/examples/%: examples/%.c $(PRODUCTS) $(COMMON) $(OBJECTS)
+	@mkdir -p $(@D)
+	$(CC) -std=c99 $(POSIX) $(CFLAGS) $(WARNINGS) $(INCLUDES) -DDGFEM_IMPLEMENTED -DDGFEM_SHELL_IMPLEMENTED \
+	-o $@.$$$$ $< $(OBJECTS) -lm && mv $@.$$$$ $@
 
 # The bunny comes as a JavaScript module from npm; without it the demo uses a shape of its own.
 build/bunny.obj:
