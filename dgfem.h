@@ -4608,6 +4608,35 @@ DGFEM_API int dgfem_mesh_faces_on_plane(const dgfem_mesh *mesh, dgfem_plane plan
     return count;
 }
 
+/* ---- pieces: elements that glued faces hold together ---- */
+
+/* Gives all elements that hang together with `first` the number `piece`; stack[element_count]. */
+static void dgfemi_mesh_flood(const dgfem_mesh *mesh, int first, int piece, int *piece_of, int *stack) {
+    int count = 0, k;
+    stack[count++] = first;
+    piece_of[first] = piece;
+    while (count > 0) {
+        int element = stack[--count];
+        const dgfem_element *e = &mesh->elements[element];
+        for (k = e->face_start; k < e->face_start + e->face_count; k++) {
+            const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+            int other = face->element[0] == element ? face->element[1] : face->element[0];
+            if (other == DGFEM_NONE || face->cut || piece_of[other] != DGFEM_NONE) continue;
+            piece_of[other] = piece;
+            stack[count++] = other;
+        }
+    }
+}
+
+/* piece_of[element_count], numbered in the order of their first elements; stack[element_count]. Returns their number. */
+static int dgfemi_mesh_pieces(const dgfem_mesh *mesh, int *piece_of, int *stack) {
+    int count = 0, e;
+    for (e = 0; e < mesh->element_count; e++) piece_of[e] = DGFEM_NONE;
+    for (e = 0; e < mesh->element_count; e++)
+        if (piece_of[e] == DGFEM_NONE) dgfemi_mesh_flood(mesh, e, count++, piece_of, stack);
+    return count;
+}
+
 /* ---- vertices of elements ---- */
 
 /* The largest number of loop vertices, repeats included, that an element has: room for dgfemi_mesh_element_vertices. */
@@ -15674,31 +15703,6 @@ typedef struct dgfemi_hold {
     double gram[6][6];
 } dgfemi_hold;
 
-/* piece[element_count], numbered from 0; returns their number. */
-static int dgfemi_label_pieces(const dgfem_mesh *mesh, int *piece, int *stack) {
-    int count = 0;
-    for (int e = 0; e < mesh->element_count; e++) piece[e] = DGFEM_NONE;
-    for (int first = 0; first < mesh->element_count; first++) {
-        int depth = 0;
-        if (piece[first] != DGFEM_NONE) continue;
-        piece[first] = count;
-        stack[depth++] = first;
-        while (depth > 0) {
-            const dgfem_element *element = &mesh->elements[stack[--depth]];
-            for (int k = element->face_start; k < element->face_start + element->face_count; k++) {
-                const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
-                for (int s = 0; s < 2 && !face->cut && face->element[1] != DGFEM_NONE; s++) {
-                    if (piece[face->element[s]] != DGFEM_NONE) continue;
-                    piece[face->element[s]] = count;
-                    stack[depth++] = face->element[s];
-                }
-            }
-        }
-        count++;
-    }
-    return count;
-}
-
 /* The component along `direction` at x is held. */
 static void dgfemi_hold_direction(dgfemi_hold *hold, dgfem_vec3 x, dgfem_vec3 direction) {
     dgfem_vec3 arm = dgfemi_add_scaled(x, DGFEM_R(-0.5), dgfemi_add(hold->lower, hold->upper));
@@ -15770,7 +15774,7 @@ static dgfem_status dgfemi_find_free_piece(const dgfem_body *body, int *element)
     size_t n = (size_t)body->mesh->element_count;
     dgfemi_arena arena = dgfemi_arena_make(&body->hooks);
     int *piece = (int *)dgfemi_arena_allocate(&arena, 2 * n, sizeof(int)), count = 0;
-    if (piece) count = dgfemi_label_pieces(body->mesh, piece, piece + n);
+    if (piece) count = dgfemi_mesh_pieces(body->mesh, piece, piece + n);
     dgfemi_hold *holds = (dgfemi_hold *)dgfemi_arena_allocate_zero(&arena, (size_t)count, sizeof *holds);
     *element = DGFEM_NONE;
     if (!piece || !holds) {
@@ -16391,33 +16395,6 @@ DGFEM_API dgfem_status dgfem_body_element_mass(const dgfem_body *body, int eleme
 
 /* Connected parts of a body. */
 
-/* Marks all elements that hang together with `first`; stack[element_count]. Neighbours are found through faces. */
-static void dgfemi_piece_flood(const dgfem_mesh *mesh, int first, int piece, int *piece_of, int *stack) {
-    int count = 0;
-    stack[count++] = first;
-    piece_of[first] = piece;
-    while (count > 0) {
-        int element = stack[--count];
-        const dgfem_element *e = &mesh->elements[element];
-        for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
-            const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
-            int other = face->element[0] == element ? face->element[1] : face->element[0];
-            if (other == DGFEM_NONE || face->cut || piece_of[other] != DGFEM_NONE) continue;
-            piece_of[other] = piece;
-            stack[count++] = other;
-        }
-    }
-}
-
-/* Returns the number of pieces. */
-static int dgfemi_find_pieces(const dgfem_mesh *mesh, int *piece_of, int *stack) {
-    int count = 0;
-    for (int e = 0; e < mesh->element_count; e++) piece_of[e] = DGFEM_NONE;
-    for (int e = 0; e < mesh->element_count; e++)
-        if (piece_of[e] == DGFEM_NONE) dgfemi_piece_flood(mesh, e, count++, piece_of, stack);
-    return count;
-}
-
 /* Sums over the elements of each piece: `centre` is int rho X, `spin` the angular momentum about the origin, until
    dgfemi_piece_end. */
 static void dgfemi_piece_add(const dgfem_body *body, int e, dgfem_piece *piece) {
@@ -16453,7 +16430,7 @@ DGFEM_API dgfem_status dgfem_body_pieces(const dgfem_body *body, int *piece_of, 
     int *own = (int *)dgfemi_arena_allocate(&arena, n, sizeof(int));
     dgfem_status status = stack && own ? DGFEM_OK : dgfemi_fail_memory(&body->hooks);
     if (!status) {
-        *count = dgfemi_find_pieces(body->mesh, own, stack);
+        *count = dgfemi_mesh_pieces(body->mesh, own, stack);
         if (piece_of) memcpy(piece_of, own, n * sizeof(int));
         int room = pieces ? (*count < capacity ? *count : capacity) : 0;
         if (room > 0) memset(pieces, 0, (size_t)room * sizeof *pieces);
@@ -17391,8 +17368,8 @@ static int dgfemi_separation_find(const dgfemi_renewal *r, dgfemi_arena *arena, 
     s->piece_of = (int *)dgfemi_arena_allocate(arena, (size_t)mesh->element_count, sizeof(int));
     s->list = (int *)dgfemi_arena_allocate(arena, most, sizeof(int));
     if (!before || !s->piece_of || !s->list) return 0;
-    int old_count = dgfemi_find_pieces(old, before, s->list);
-    s->count = dgfemi_find_pieces(mesh, s->piece_of, s->list);
+    int old_count = dgfemi_mesh_pieces(old, before, s->list);
+    s->count = dgfemi_mesh_pieces(mesh, s->piece_of, s->list);
     int *parent = (int *)dgfemi_arena_allocate(arena, (size_t)s->count, sizeof(int));
     int *largest = (int *)dgfemi_arena_allocate(arena, (size_t)old_count, sizeof(int));
     dgfem_real *volume = (dgfem_real *)dgfemi_arena_allocate_zero(arena, (size_t)s->count, sizeof *volume);

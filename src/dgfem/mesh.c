@@ -497,6 +497,35 @@ DGFEM_API int dgfem_mesh_faces_on_plane(const dgfem_mesh *mesh, dgfem_plane plan
     return count;
 }
 
+/* ---- pieces: elements that glued faces hold together ---- */
+
+/* Gives all elements that hang together with `first` the number `piece`; stack[element_count]. */
+static void dgfemi_mesh_flood(const dgfem_mesh *mesh, int first, int piece, int *piece_of, int *stack) {
+    int count = 0, k;
+    stack[count++] = first;
+    piece_of[first] = piece;
+    while (count > 0) {
+        int element = stack[--count];
+        const dgfem_element *e = &mesh->elements[element];
+        for (k = e->face_start; k < e->face_start + e->face_count; k++) {
+            const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+            int other = face->element[0] == element ? face->element[1] : face->element[0];
+            if (other == DGFEM_NONE || face->cut || piece_of[other] != DGFEM_NONE) continue;
+            piece_of[other] = piece;
+            stack[count++] = other;
+        }
+    }
+}
+
+/* piece_of[element_count], numbered in the order of their first elements; stack[element_count]. Returns their number. */
+static int dgfemi_mesh_pieces(const dgfem_mesh *mesh, int *piece_of, int *stack) {
+    int count = 0, e;
+    for (e = 0; e < mesh->element_count; e++) piece_of[e] = DGFEM_NONE;
+    for (e = 0; e < mesh->element_count; e++)
+        if (piece_of[e] == DGFEM_NONE) dgfemi_mesh_flood(mesh, e, count++, piece_of, stack);
+    return count;
+}
+
 /* ---- vertices of elements ---- */
 
 /* The largest number of loop vertices, repeats included, that an element has: room for dgfemi_mesh_element_vertices. */

@@ -2,33 +2,6 @@
 #include "query.c"
 /* Connected parts of a body. */
 
-/* Marks all elements that hang together with `first`; stack[element_count]. Neighbours are found through faces. */
-static void dgfemi_piece_flood(const dgfem_mesh *mesh, int first, int piece, int *piece_of, int *stack) {
-    int count = 0;
-    stack[count++] = first;
-    piece_of[first] = piece;
-    while (count > 0) {
-        int element = stack[--count];
-        const dgfem_element *e = &mesh->elements[element];
-        for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
-            const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
-            int other = face->element[0] == element ? face->element[1] : face->element[0];
-            if (other == DGFEM_NONE || face->cut || piece_of[other] != DGFEM_NONE) continue;
-            piece_of[other] = piece;
-            stack[count++] = other;
-        }
-    }
-}
-
-/* Returns the number of pieces. */
-static int dgfemi_find_pieces(const dgfem_mesh *mesh, int *piece_of, int *stack) {
-    int count = 0;
-    for (int e = 0; e < mesh->element_count; e++) piece_of[e] = DGFEM_NONE;
-    for (int e = 0; e < mesh->element_count; e++)
-        if (piece_of[e] == DGFEM_NONE) dgfemi_piece_flood(mesh, e, count++, piece_of, stack);
-    return count;
-}
-
 /* Sums over the elements of each piece: `centre` is int rho X, `spin` the angular momentum about the origin, until
    dgfemi_piece_end. */
 static void dgfemi_piece_add(const dgfem_body *body, int e, dgfem_piece *piece) {
@@ -64,7 +37,7 @@ DGFEM_API dgfem_status dgfem_body_pieces(const dgfem_body *body, int *piece_of, 
     int *own = (int *)dgfemi_arena_allocate(&arena, n, sizeof(int));
     dgfem_status status = stack && own ? DGFEM_OK : dgfemi_fail_memory(&body->hooks);
     if (!status) {
-        *count = dgfemi_find_pieces(body->mesh, own, stack);
+        *count = dgfemi_mesh_pieces(body->mesh, own, stack);
         if (piece_of) memcpy(piece_of, own, n * sizeof(int));
         int room = pieces ? (*count < capacity ? *count : capacity) : 0;
         if (room > 0) memset(pieces, 0, (size_t)room * sizeof *pieces);

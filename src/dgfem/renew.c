@@ -569,8 +569,8 @@ static int dgfemi_separation_find(const dgfemi_renewal *r, dgfemi_arena *arena, 
     s->piece_of = (int *)dgfemi_arena_allocate(arena, (size_t)mesh->element_count, sizeof(int));
     s->list = (int *)dgfemi_arena_allocate(arena, most, sizeof(int));
     if (!before || !s->piece_of || !s->list) return 0;
-    int old_count = dgfemi_find_pieces(old, before, s->list);
-    s->count = dgfemi_find_pieces(mesh, s->piece_of, s->list);
+    int old_count = dgfemi_mesh_pieces(old, before, s->list);
+    s->count = dgfemi_mesh_pieces(mesh, s->piece_of, s->list);
     int *parent = (int *)dgfemi_arena_allocate(arena, (size_t)s->count, sizeof(int));
     int *largest = (int *)dgfemi_arena_allocate(arena, (size_t)old_count, sizeof(int));
     dgfem_real *volume = (dgfem_real *)dgfemi_arena_allocate_zero(arena, (size_t)s->count, sizeof *volume);

@@ -188,31 +188,6 @@ typedef struct dgfemi_hold {
     double gram[6][6];
 } dgfemi_hold;
 
-/* piece[element_count], numbered from 0; returns their number. */
-static int dgfemi_label_pieces(const dgfem_mesh *mesh, int *piece, int *stack) {
-    int count = 0;
-    for (int e = 0; e < mesh->element_count; e++) piece[e] = DGFEM_NONE;
-    for (int first = 0; first < mesh->element_count; first++) {
-        int depth = 0;
-        if (piece[first] != DGFEM_NONE) continue;
-        piece[first] = count;
-        stack[depth++] = first;
-        while (depth > 0) {
-            const dgfem_element *element = &mesh->elements[stack[--depth]];
-            for (int k = element->face_start; k < element->face_start + element->face_count; k++) {
-                const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
-                for (int s = 0; s < 2 && !face->cut && face->element[1] != DGFEM_NONE; s++) {
-                    if (piece[face->element[s]] != DGFEM_NONE) continue;
-                    piece[face->element[s]] = count;
-                    stack[depth++] = face->element[s];
-                }
-            }
-        }
-        count++;
-    }
-    return count;
-}
-
 /* The component along `direction` at x is held. */
 static void dgfemi_hold_direction(dgfemi_hold *hold, dgfem_vec3 x, dgfem_vec3 direction) {
     dgfem_vec3 arm = dgfemi_add_scaled(x, DGFEM_R(-0.5), dgfemi_add(hold->lower, hold->upper));
@@ -284,7 +259,7 @@ static dgfem_status dgfemi_find_free_piece(const dgfem_body *body, int *element)
     size_t n = (size_t)body->mesh->element_count;
     dgfemi_arena arena = dgfemi_arena_make(&body->hooks);
     int *piece = (int *)dgfemi_arena_allocate(&arena, 2 * n, sizeof(int)), count = 0;
-    if (piece) count = dgfemi_label_pieces(body->mesh, piece, piece + n);
+    if (piece) count = dgfemi_mesh_pieces(body->mesh, piece, piece + n);
     dgfemi_hold *holds = (dgfemi_hold *)dgfemi_arena_allocate_zero(&arena, (size_t)count, sizeof *holds);
     *element = DGFEM_NONE;
     if (!piece || !holds) {
