@@ -16905,11 +16905,11 @@ static void dgfemi_renewal_restore_tags(dgfemi_renewal *r) {
 
 /* ---- state ---- */
 
-static int dgfemi_renewal_make_elements(dgfemi_renewal *r) {
+static dgfem_status dgfemi_renewal_make_elements(dgfemi_renewal *r) {
     const dgfem_body *body = r->body;
     dgfem_body *next = &r->next;
-    int n = next->mesh->element_count, start = 0;
-    if (!dgfemi_body_allocate(next, n)) return 0;
+    int n = next->mesh->element_count;
+    if (!dgfemi_body_allocate(next, n)) return DGFEM_ERROR_MEMORY;
     for (int e = 0; e < n; e++) {
         const dgfemi_field *field = &r->edit->fields[r->field[e]];
         int source = dgfemi_field_element(r->edit, field);
@@ -16918,11 +16918,10 @@ static int dgfemi_renewal_make_elements(dgfemi_renewal *r) {
         next->rotation[e] = body->rotation[source];
         next->origin[e] = r->whole[e] ? body->origin[source] : next->mesh->elements[e].centre;
         next->scale[e] = r->whole[e] ? body->scale[source] : next->mesh->elements[e].radius;
-        next->basis_start[e] = start;
-        start += dgfem_monomial_count(field->next_degree);
     }
-    next->basis_start[n] = next->basis_count = start;
-    return dgfemi_body_allocate_state(next);
+    dgfem_status status = dgfemi_body_count_basis(next);
+    if (status) return status;
+    return dgfemi_body_allocate_state(next) ? DGFEM_OK : DGFEM_ERROR_MEMORY;
 }
 
 /* u_new of one element. The new basis is the first part of the old one or the other way round, so raising adds zeros
@@ -17304,10 +17303,11 @@ static dgfem_status dgfemi_renewal_make(dgfemi_renewal *r, dgfemi_edit *edit, dg
     next->family = next->family_parent = NULL, next->family_count = 0;
     next->forms = NULL, next->contacts = NULL, next->matrix = NULL, next->cholesky = NULL, next->work = NULL;
     status = DGFEM_ERROR_MEMORY;
-    if (dgfemi_renewal_map_elements(r) && dgfemi_renewal_map_faces(r) && dgfemi_renewal_make_elements(r) &&
-        dgfemi_renewal_make_families(r) && dgfemi_renewal_make_forms(r)) {
+    if (dgfemi_renewal_map_elements(r) && dgfemi_renewal_map_faces(r)) status = dgfemi_renewal_make_elements(r);
+    if (!status && !(dgfemi_renewal_make_families(r) && dgfemi_renewal_make_forms(r))) status = DGFEM_ERROR_MEMORY;
+    if (!status) {
         dgfemi_renewal_move_state(r);
-        if (dgfemi_renewal_make_conditions(r)) status = dgfemi_renewal_make_solver(r);
+        status = dgfemi_renewal_make_conditions(r) ? dgfemi_renewal_make_solver(r) : DGFEM_ERROR_MEMORY;
     }
     int silent = status == DGFEM_ERROR_MEMORY;
     if (!status) dgfemi_renewal_restore_tags(r);
@@ -20662,40 +20662,6 @@ static int dgfemi_cutter_list_walls(dgfemi_cutter *cutter) {
     return 1;
 }
 
-/* The neighbour that a part should stay with: the one across its largest wall, when the part would be left alone, and
-   be a sliver beside it or too thin; else DGFEM_NONE. */
-static int dgfemi_cutter_keeper(const dgfemi_cutter *cutter, int element) {
-    const dgfem_mesh *mesh = cutter->edit->mesh;
-    const dgfem_element *e = &mesh->elements[element];
-    dgfem_real area = 0;
-    int keeper = DGFEM_NONE;
-    for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
-        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
-        if (face->element[1] == DGFEM_NONE || face->cut) continue;
-        if (!dgfemi_cutter_is_wall(cutter, face)) return DGFEM_NONE;
-        if (face->area > area) area = face->area, keeper = face->element[face->element[0] == element];
-    }
-    if (keeper == DGFEM_NONE) return DGFEM_NONE;
-    if (dgfemi_is_sliver_of(mesh, element, mesh->elements[keeper].volume, cutter->sliver) ||
-        dgfemi_mesh_thickness(mesh, element) < cutter->smallest)
-        return keeper;
-    return DGFEM_NONE;
-}
-
-/* Crumbs change sides: glued to what they would have been cut from they can be merged with it. 1 on success. */
-static int dgfemi_cutter_keep_crumbs(dgfemi_cutter *cutter) {
-    const dgfem_mesh *mesh = cutter->edit->mesh;
-    int kept = 0;
-    for (int w = 0; w < cutter->walls.count; w++)
-        for (int s = 0; s < 2; s++) {
-            int element = mesh->faces[cutter->walls.data[w]].element[s], keeper = dgfemi_cutter_keeper(cutter, element);
-            if (keeper == DGFEM_NONE) continue;
-            cutter->side[element] = cutter->side[keeper];
-            kept = 1;
-        }
-    return !kept || dgfemi_cutter_list_walls(cutter);
-}
-
 /* Whether an edge of the polygon passes through the inside of a face; its places in the world come from one side. */
 static int dgfemi_cutter_edge_meets(dgfemi_cutter *cutter, int f, dgfem_vec3 from, dgfem_vec3 to) {
     const dgfem_mesh *mesh = cutter->edit->mesh;
@@ -20846,7 +20812,7 @@ static dgfem_status dgfemi_cutter_apply(dgfemi_cutter *cutter, const dgfemi_blad
     for (int i = 0; !status && i < cutter->straddler_count; i++)
         if (!cutter->straddlers[i].done) status = dgfemi_cutter_split_group(cutter, i);
     if (status) return status;
-    if (!dgfemi_cutter_list_walls(cutter) || !dgfemi_cutter_keep_crumbs(cutter)) return dgfemi_fail_memory(hooks);
+    if (!dgfemi_cutter_list_walls(cutter)) return dgfemi_fail_memory(hooks);
     if (blade->polygon) status = dgfemi_cutter_divide_walls(cutter);
     for (int w = 0; !status && w < cutter->walls.count; w++) {
         dgfem_face *face = &cutter->edit->mesh->faces[cutter->walls.data[w]];
@@ -20941,8 +20907,9 @@ static int dgfemi_cutter_is_new_cut(const dgfemi_cutter *cutter, const dgfem_fac
     return face->tag == DGFEM_NONE || !cutter->edit->body->mesh->faces[face->tag].cut;
 }
 
-/* The neighbour that a part all alone should stay with: see dgfemi_cutter_keeper. */
-static int dgfemi_cutter_last_keeper(const dgfemi_cutter *cutter, int element) {
+/* The neighbour that a part should stay with: the one across its largest cut, when the part is left alone, and is a
+   sliver beside it or too thin; else DGFEM_NONE. */
+static int dgfemi_cutter_keeper(const dgfemi_cutter *cutter, int element) {
     const dgfem_mesh *mesh = cutter->edit->mesh;
     const dgfem_element *e = &mesh->elements[element];
     dgfem_real area = 0;
@@ -20960,12 +20927,12 @@ static int dgfemi_cutter_last_keeper(const dgfemi_cutter *cutter, int element) {
     return DGFEM_NONE;
 }
 
-/* Glues crumbs that several blades have left alone to their keepers. */
+/* Glues crumbs to what they were cut from, with which they can be merged then. */
 static void dgfemi_cutter_glue_crumbs(dgfemi_cutter *cutter) {
     dgfem_mesh *mesh = cutter->edit->mesh;
     for (int element = 0; element < mesh->element_count; element++) {
         const dgfem_element *e = &mesh->elements[element];
-        int keeper = cutter->touched[element] ? dgfemi_cutter_last_keeper(cutter, element) : DGFEM_NONE;
+        int keeper = cutter->touched[element] ? dgfemi_cutter_keeper(cutter, element) : DGFEM_NONE;
         for (int k = e->face_start; keeper != DGFEM_NONE && k < e->face_start + e->face_count; k++) {
             dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
             if (!dgfemi_cutter_is_new_cut(cutter, face)) continue;
@@ -21070,7 +21037,7 @@ static dgfem_status dgfemi_body_cut(dgfem_body *body, const dgfemi_blade *blades
     cutter.snap = desc->snap, cutter.smallest = desc->smallest, cutter.sliver = desc->sliver;
     for (int b = 0; !status && b < count; b++) status = dgfemi_cutter_apply(&cutter, &blades[b]);
     if (!status && !dgfemi_cutter_seal(&cutter, blades, count)) status = dgfemi_fail_memory(&body->hooks);
-    if (!status && count > 1) dgfemi_cutter_glue_crumbs(&cutter);
+    if (!status) dgfemi_cutter_glue_crumbs(&cutter);
     info->elements_split = cutter.elements_split, info->faces_cut = cutter.faces_cut;
     dgfemi_cutter_free(&cutter);
     if (!status && (desc->sliver > 0 || desc->smallest > 0))

@@ -428,40 +428,6 @@ static int dgfemi_cutter_list_walls(dgfemi_cutter *cutter) {
     return 1;
 }
 
-/* The neighbour that a part should stay with: the one across its largest wall, when the part would be left alone, and
-   be a sliver beside it or too thin; else DGFEM_NONE. */
-static int dgfemi_cutter_keeper(const dgfemi_cutter *cutter, int element) {
-    const dgfem_mesh *mesh = cutter->edit->mesh;
-    const dgfem_element *e = &mesh->elements[element];
-    dgfem_real area = 0;
-    int keeper = DGFEM_NONE;
-    for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
-        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
-        if (face->element[1] == DGFEM_NONE || face->cut) continue;
-        if (!dgfemi_cutter_is_wall(cutter, face)) return DGFEM_NONE;
-        if (face->area > area) area = face->area, keeper = face->element[face->element[0] == element];
-    }
-    if (keeper == DGFEM_NONE) return DGFEM_NONE;
-    if (dgfemi_is_sliver_of(mesh, element, mesh->elements[keeper].volume, cutter->sliver) ||
-        dgfemi_mesh_thickness(mesh, element) < cutter->smallest)
-        return keeper;
-    return DGFEM_NONE;
-}
-
-/* Crumbs change sides: glued to what they would have been cut from they can be merged with it. 1 on success. */
-static int dgfemi_cutter_keep_crumbs(dgfemi_cutter *cutter) {
-    const dgfem_mesh *mesh = cutter->edit->mesh;
-    int kept = 0;
-    for (int w = 0; w < cutter->walls.count; w++)
-        for (int s = 0; s < 2; s++) {
-            int element = mesh->faces[cutter->walls.data[w]].element[s], keeper = dgfemi_cutter_keeper(cutter, element);
-            if (keeper == DGFEM_NONE) continue;
-            cutter->side[element] = cutter->side[keeper];
-            kept = 1;
-        }
-    return !kept || dgfemi_cutter_list_walls(cutter);
-}
-
 /* Whether an edge of the polygon passes through the inside of a face; its places in the world come from one side. */
 static int dgfemi_cutter_edge_meets(dgfemi_cutter *cutter, int f, dgfem_vec3 from, dgfem_vec3 to) {
     const dgfem_mesh *mesh = cutter->edit->mesh;
@@ -612,7 +578,7 @@ static dgfem_status dgfemi_cutter_apply(dgfemi_cutter *cutter, const dgfemi_blad
     for (int i = 0; !status && i < cutter->straddler_count; i++)
         if (!cutter->straddlers[i].done) status = dgfemi_cutter_split_group(cutter, i);
     if (status) return status;
-    if (!dgfemi_cutter_list_walls(cutter) || !dgfemi_cutter_keep_crumbs(cutter)) return dgfemi_fail_memory(hooks);
+    if (!dgfemi_cutter_list_walls(cutter)) return dgfemi_fail_memory(hooks);
     if (blade->polygon) status = dgfemi_cutter_divide_walls(cutter);
     for (int w = 0; !status && w < cutter->walls.count; w++) {
         dgfem_face *face = &cutter->edit->mesh->faces[cutter->walls.data[w]];
@@ -707,8 +673,9 @@ static int dgfemi_cutter_is_new_cut(const dgfemi_cutter *cutter, const dgfem_fac
     return face->tag == DGFEM_NONE || !cutter->edit->body->mesh->faces[face->tag].cut;
 }
 
-/* The neighbour that a part all alone should stay with: see dgfemi_cutter_keeper. */
-static int dgfemi_cutter_last_keeper(const dgfemi_cutter *cutter, int element) {
+/* The neighbour that a part should stay with: the one across its largest cut, when the part is left alone, and is a
+   sliver beside it or too thin; else DGFEM_NONE. */
+static int dgfemi_cutter_keeper(const dgfemi_cutter *cutter, int element) {
     const dgfem_mesh *mesh = cutter->edit->mesh;
     const dgfem_element *e = &mesh->elements[element];
     dgfem_real area = 0;
@@ -726,12 +693,12 @@ static int dgfemi_cutter_last_keeper(const dgfemi_cutter *cutter, int element) {
     return DGFEM_NONE;
 }
 
-/* Glues crumbs that several blades have left alone to their keepers. */
+/* Glues crumbs to what they were cut from, with which they can be merged then. */
 static void dgfemi_cutter_glue_crumbs(dgfemi_cutter *cutter) {
     dgfem_mesh *mesh = cutter->edit->mesh;
     for (int element = 0; element < mesh->element_count; element++) {
         const dgfem_element *e = &mesh->elements[element];
-        int keeper = cutter->touched[element] ? dgfemi_cutter_last_keeper(cutter, element) : DGFEM_NONE;
+        int keeper = cutter->touched[element] ? dgfemi_cutter_keeper(cutter, element) : DGFEM_NONE;
         for (int k = e->face_start; keeper != DGFEM_NONE && k < e->face_start + e->face_count; k++) {
             dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
             if (!dgfemi_cutter_is_new_cut(cutter, face)) continue;
@@ -836,7 +803,7 @@ static dgfem_status dgfemi_body_cut(dgfem_body *body, const dgfemi_blade *blades
     cutter.snap = desc->snap, cutter.smallest = desc->smallest, cutter.sliver = desc->sliver;
     for (int b = 0; !status && b < count; b++) status = dgfemi_cutter_apply(&cutter, &blades[b]);
     if (!status && !dgfemi_cutter_seal(&cutter, blades, count)) status = dgfemi_fail_memory(&body->hooks);
-    if (!status && count > 1) dgfemi_cutter_glue_crumbs(&cutter);
+    if (!status) dgfemi_cutter_glue_crumbs(&cutter);
     info->elements_split = cutter.elements_split, info->faces_cut = cutter.faces_cut;
     dgfemi_cutter_free(&cutter);
     if (!status && (desc->sliver > 0 || desc->smallest > 0))

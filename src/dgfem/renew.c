@@ -106,11 +106,11 @@ static void dgfemi_renewal_restore_tags(dgfemi_renewal *r) {
 
 /* ---- state ---- */
 
-static int dgfemi_renewal_make_elements(dgfemi_renewal *r) {
+static dgfem_status dgfemi_renewal_make_elements(dgfemi_renewal *r) {
     const dgfem_body *body = r->body;
     dgfem_body *next = &r->next;
-    int n = next->mesh->element_count, start = 0;
-    if (!dgfemi_body_allocate(next, n)) return 0;
+    int n = next->mesh->element_count;
+    if (!dgfemi_body_allocate(next, n)) return DGFEM_ERROR_MEMORY;
     for (int e = 0; e < n; e++) {
         const dgfemi_field *field = &r->edit->fields[r->field[e]];
         int source = dgfemi_field_element(r->edit, field);
@@ -119,11 +119,10 @@ static int dgfemi_renewal_make_elements(dgfemi_renewal *r) {
         next->rotation[e] = body->rotation[source];
         next->origin[e] = r->whole[e] ? body->origin[source] : next->mesh->elements[e].centre;
         next->scale[e] = r->whole[e] ? body->scale[source] : next->mesh->elements[e].radius;
-        next->basis_start[e] = start;
-        start += dgfem_monomial_count(field->next_degree);
     }
-    next->basis_start[n] = next->basis_count = start;
-    return dgfemi_body_allocate_state(next);
+    dgfem_status status = dgfemi_body_count_basis(next);
+    if (status) return status;
+    return dgfemi_body_allocate_state(next) ? DGFEM_OK : DGFEM_ERROR_MEMORY;
 }
 
 /* u_new of one element. The new basis is the first part of the old one or the other way round, so raising adds zeros
@@ -505,10 +504,11 @@ static dgfem_status dgfemi_renewal_make(dgfemi_renewal *r, dgfemi_edit *edit, dg
     next->family = next->family_parent = NULL, next->family_count = 0;
     next->forms = NULL, next->contacts = NULL, next->matrix = NULL, next->cholesky = NULL, next->work = NULL;
     status = DGFEM_ERROR_MEMORY;
-    if (dgfemi_renewal_map_elements(r) && dgfemi_renewal_map_faces(r) && dgfemi_renewal_make_elements(r) &&
-        dgfemi_renewal_make_families(r) && dgfemi_renewal_make_forms(r)) {
+    if (dgfemi_renewal_map_elements(r) && dgfemi_renewal_map_faces(r)) status = dgfemi_renewal_make_elements(r);
+    if (!status && !(dgfemi_renewal_make_families(r) && dgfemi_renewal_make_forms(r))) status = DGFEM_ERROR_MEMORY;
+    if (!status) {
         dgfemi_renewal_move_state(r);
-        if (dgfemi_renewal_make_conditions(r)) status = dgfemi_renewal_make_solver(r);
+        status = dgfemi_renewal_make_conditions(r) ? dgfemi_renewal_make_solver(r) : DGFEM_ERROR_MEMORY;
     }
     int silent = status == DGFEM_ERROR_MEMORY;
     if (!status) dgfemi_renewal_restore_tags(r);
