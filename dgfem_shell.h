@@ -27,9 +27,12 @@
        dgfem_shell_fix_nodes, _clamp, _fix_symmetry, _fix_rotation     what holds it
        dgfem_shell_set_moment, _set_line_load, _set_pressure, _add_force, _pin, _set_gravity   what loads it
        dgfem_shell_solve_static     equilibrium, by Newton's method in load steps
-       dgfem_shell_step             motion, by implicit Euler; with contact: _add_plane, _add_sphere
+       dgfem_shell_step             motion, by implicit Euler; with contact: _add_plane, _add_sphere, _move_shape
        dgfem_shell_cut_edges, _cut_plane                               cuts, hinges
        dgfem_shell_surface_create, _update                             triangles to draw, both sides
+
+   The hook parallel_for serves the stiffness and the forces of elements and edges, and the factorization; contact,
+   loads and cuts run on the caller's thread. Results are the same bits for any number of threads.
 
    Elements have 8 nodes (quadrilaterals) or 6 (triangles); a mesh may have both. Edges may be shared by two elements at
    most, and neighbours must be oriented alike. Nothing is said about rotations at nodes, for there are none: that the
@@ -116,15 +119,17 @@
    - Quadrilaterals of 8 nodes represent constant curvature where they are parallelograms; very distorted ones stall at
      an error of some tenths of a per cent. Triangles of 6 nodes bend stiffly on coarse curved meshes.
    - Thin shells need double: membrane and bending stiffness differ by (length / thickness)^2. In float, forces at large
-     rotations are good to about 1e-7 (length / thickness)^2 of the bending ones; 100 : 1 is beyond it.
-   - dgfem_shell_solve_static converges for loads that turn the shell by some 60 degrees in one part; take load steps.
-     Past limit points it cannot go under load: prescribe displacements or take time steps.
+     rotations are good to about 1e-7 (length / thickness)^2 of the bending ones; 100 : 1 is beyond it. So are many
+     elements in a row, for their bending stiffnesses differ by (length / element)^4: a cantilever of eight ends within
+     1 % of where it should, one of sixteen is off by 15 %.
+   - dgfem_shell_solve_static converges for loads and clamps that turn the shell by some 60 degrees in one part; take
+     load steps. Past limit points it cannot go under load: prescribe displacements or take time steps.
    - A step is as stable as implicit Euler for any dt, but it stops iterating after step_iterations: watch the residual.
      In unstable states (a buckling shell) with dt too long to resolve them it converges slowly; where it gets nowhere,
      one semi-implicit step with frozen rotations is taken instead. Implicit Euler damps: a motion of angular frequency
      w loses about dt w^2 / 2 of its amplitude per unit of time.
    - Cuts make small triangles. Those cost accuracy and condition, not stability; `snap` keeps the smallest away.
-   - A linear shell (corotational 0) is solved by one factorization, however thin.
+   - A linear shell (corotational 0) is solved by one factorization, however thin, in double.
 
 
    LICENCE
@@ -148,7 +153,7 @@
    load.c             External forces, their derivatives, and the directions in which nodes are held.
    static.c           Static equilibrium by Newton's method or frozen rotations, in load steps.
    step.c             Implicit Euler: one step solves, for the velocities v at its end, (1 + h alpha) M v + h (f_int(x
-                      + h v) + beta K v - F_ext - F_contact) = M v0, x+ = x + h v, by Newton's method.
+                      + h v) + f_damp - F_ext - F_contact) = M v0, x+ = x + h v, by Newton's method.
    query.c            What can be asked about a shell's state.
    cut.c              Topology that changes: edges separated or turned into hinges, elements split along a plane.
    split.c            Cuts across elements: triangles that follow a plane take the place of the elements that it
@@ -207,6 +212,7 @@ typedef struct dgfem_shell_edge {
     int element[2]; /* element[1] is DGFEM_NONE on the boundary */
     int side[2];    /* of each element */
     dgfem_shell_joint joint;
+    int loop;                           /* of the boundary, as dgfem_shell_boundary counts them; inside DGFEM_NONE */
     int support;                        /* index of the condition that holds its rotation, or DGFEM_NONE */
     dgfem_real moment, follower_moment; /* sum of the conditions' moments per length, N */
 } dgfem_shell_edge;
@@ -233,7 +239,7 @@ typedef struct dgfem_shell_desc {
     dgfem_real eta_triangle;         /* the same for triangles; default 1. Where both meet, the larger counts. */
     dgfem_vec3 gravity;              /* default 0 0 -9.81 m/s^2 */
     dgfem_real damping_mass;         /* Rayleigh alpha, 1/s; default 0 */
-    dgfem_real damping_stiffness;    /* Rayleigh beta, s; default 0 */
+    dgfem_real damping_stiffness;    /* Rayleigh beta, s; default 0. Nothing that moves rigidly is damped by it. */
     int corotational;                /* 1 (default): large rotations; 0: linear shell */
     int consistent_mass;       /* 0 (default): lumped, in proportion to the integral of N^2 (HRZ); 1: consistent */
     int step_iterations;       /* Newton iterations of a time step at most; default 4 */
@@ -269,7 +275,7 @@ typedef struct dgfem_shell_condition {
     int *items;               /* nodes, edges or elements, as the kind says */
     int axes;                 /* FIX */
     int follower;             /* MOMENT, PRESSURE: 1 when the load turns with the shell */
-    dgfem_vec3 vector;        /* displacement, normal of the plane, translation, line load, force, place */
+    dgfem_vec3 vector;        /* displacement, normal of the plane, translation, line load, force, place of a pin */
     dgfem_real scalar;        /* angle, moment, pressure, stiffness */
     dgfem_mat3 rotation;      /* CLAMP */
     dgfem_vec3 vector_before; /* what the last static solve or step ended with: where the next static solve begins */
@@ -318,7 +324,7 @@ typedef struct dgfem_shell_info {
 
 typedef struct dgfem_shell_static_desc {
     unsigned cookie;
-    int load_steps;        /* loads and prescribed motions are applied in this many equal parts; default 1 */
+    int load_steps;        /* loads, motions and turns of supports are applied in this many equal parts; default 1 */
     int max_halvings;      /* how often a part that fails may be halved; default 6 */
     int max_iterations;    /* of Newton per part; default 40 */
     dgfem_real tolerance;  /* residual relative to the forces; default 1e-8 (float: 1e-3) */
@@ -341,8 +347,9 @@ DGFEM_API void dgfem_shell_destroy(dgfem_shell *shell);
    edge_count edges and edge_count + 1 starts always suffices. */
 DGFEM_API int dgfem_shell_boundary(const dgfem_shell *shell, int *edges, int *loop_start);
 
-/* Indices of all boundary edges (nodes) whose three nodes (which) lie within `tolerance` of the plane (unit normal) at
-   rest. Writes at most `capacity`; returns the number there are. */
+/* What lies within `tolerance` of a plane (unit normal) at rest: of the edges those on the boundary, all three of whose
+   nodes do; of the nodes all, inside the shell too. Writes at most `capacity` indices (none where the array is NULL);
+   returns the number there are. */
 DGFEM_API int dgfem_shell_edges_on_plane(const dgfem_shell *shell, dgfem_plane plane, dgfem_real tolerance, int *edges,
                                          int capacity);
 DGFEM_API int dgfem_shell_nodes_on_plane(const dgfem_shell *shell, dgfem_plane plane, dgfem_real tolerance, int *nodes,
@@ -351,7 +358,12 @@ DGFEM_API int dgfem_shell_nodes_on_plane(const dgfem_shell *shell, dgfem_plane p
 /* The node whose current position is the nearest to x. */
 DGFEM_API int dgfem_shell_nearest_node(const dgfem_shell *shell, dgfem_vec3 x);
 
-/* ---- conditions: *id (may be NULL) names the new one ---- */
+/* ---- conditions ----
+
+   Each of these functions adds a condition, those called set_... too, as in dgfem.h: what several say about the same
+   nodes, edges or elements is added up, except that an edge's rotation is held by one at most and nodes by whichever
+   came first. *id (may be NULL) names the new one; under it the condition is moved, changed or removed. What is moved
+   or changed takes effect with the next step, at once, or along the path of the next static solve. */
 
 /* Gives the displacement of nodes from rest along the axes (DGFEM_SHELL_X + ...), exactly. Nothing else makes a simple
    support, or (with the axes of its plane) a rigid diaphragm. */
@@ -361,12 +373,14 @@ DGFEM_API dgfem_status dgfem_shell_fix_nodes(dgfem_shell *shell, const int *node
 DGFEM_API dgfem_status dgfem_shell_fix_symmetry(dgfem_shell *shell, const int *edges, int count, dgfem_vec3 normal,
                                                 int *id);
 /* Clamps boundary edges: nodes are held exactly, normals weakly, in a rigid motion x = rotation X + translation that is
-   the identity until dgfem_shell_move_clamp changes it (by less than a right angle at a time). */
+   the identity until dgfem_shell_move_clamp changes it. A static solve takes it from the one placement to the other by
+   a screw motion, the shorter way round: more than half a turn needs several solves. */
 DGFEM_API dgfem_status dgfem_shell_clamp(dgfem_shell *shell, const int *edges, int count, int *id);
 /* Gives, weakly, the rotation of the normal about boundary edges; counter-clockwise about the edge as the element runs
    through it, which tilts the normal outward. Nodes stay free. Without large rotations of the edge itself. */
 DGFEM_API dgfem_status dgfem_shell_fix_rotation(dgfem_shell *shell, const int *edges, int count, dgfem_real angle,
                                                 int *id);
+/* Move fixed nodes, clamps and given rotations. */
 DGFEM_API dgfem_status dgfem_shell_move_fixture(dgfem_shell *shell, int id, dgfem_vec3 displacement);
 DGFEM_API dgfem_status dgfem_shell_move_clamp(dgfem_shell *shell, int id, dgfem_mat3 rotation, dgfem_vec3 translation);
 DGFEM_API dgfem_status dgfem_shell_turn_edges(dgfem_shell *shell, int id, dgfem_real angle);
@@ -382,7 +396,7 @@ DGFEM_API dgfem_status dgfem_shell_set_line_load(dgfem_shell *shell, const int *
    may be NULL: all. Without corotational nothing turns: followers, pressures and moments alike, act as dead loads. */
 DGFEM_API dgfem_status dgfem_shell_set_pressure(dgfem_shell *shell, const int *elements, int count, dgfem_real pressure,
                                                 int follower, int *id);
-/* Force (N) on each of the nodes. */
+/* Force (N) on each of the nodes; on one that is listed twice, twice. */
 DGFEM_API dgfem_status dgfem_shell_add_force(dgfem_shell *shell, const int *nodes, int count, dgfem_vec3 force,
                                              int *id);
 /* A spring (N/m) that pulls a node to where it is now; drag moves the place. */
@@ -393,11 +407,12 @@ DGFEM_API dgfem_status dgfem_shell_change_load(dgfem_shell *shell, int id, dgfem
 DGFEM_API dgfem_status dgfem_shell_set_gravity(dgfem_shell *shell, dgfem_vec3 gravity);
 DGFEM_API dgfem_status dgfem_shell_remove_condition(dgfem_shell *shell, int id);
 
-/* Contact shapes; *id (may be NULL) names it for dgfem_shell_move_shape. Every node keeps half the shell's thickness
-   from the shape, whichever side it turns to it. */
+/* Contact shapes; *id (may be NULL) names the new one, to be moved or removed. Every node keeps half the shell's
+   thickness from the shape, whichever side it turns to it. */
 DGFEM_API dgfem_status dgfem_shell_add_plane(dgfem_shell *shell, const dgfem_shape_desc *desc, int *id);
 DGFEM_API dgfem_status dgfem_shell_add_sphere(dgfem_shell *shell, const dgfem_shape_desc *desc, int *id);
 DGFEM_API dgfem_status dgfem_shell_move_shape(dgfem_shell *shell, int id, const dgfem_shape_desc *desc);
+DGFEM_API dgfem_status dgfem_shell_remove_shape(dgfem_shell *shell, int id);
 
 /* ---- motion ---- */
 
@@ -462,8 +477,8 @@ DGFEM_API dgfem_real dgfem_shell_area(const dgfem_shell *shell); /* at rest */
 /* ---- cutting ---- */
 
 /* Separates (DGFEM_SHELL_GAP) or unglues (DGFEM_SHELL_HINGE) interior edges, or glues hinges again (DGFEM_SHELL_GLUED).
-   Nodes around which elements fall apart are doubled; fixtures hold all copies, forces and pins stay with one. On
-   failure nothing has changed. */
+   Nodes around which elements fall apart are doubled; fixtures hold all copies, forces, pins and line loads stay with
+   one. On failure nothing has changed. */
 DGFEM_API dgfem_status dgfem_shell_cut_edges(dgfem_shell *shell, const int *edges, int count, dgfem_shell_joint joint);
 
 typedef struct dgfem_shell_cut_desc {
@@ -488,7 +503,9 @@ DGFEM_API dgfem_shell_cut_desc dgfem_default_shell_cut_desc(void);
 
 /* Cuts across elements: those that the plane crosses are split into triangles along it; their neighbours are split as
    far as conformity asks. Middle nodes are interpolated in the parent: triangles keep their geometry and state exactly,
-   quadrilaterals where they are flat parallelograms their geometry. On failure nothing has changed. */
+   quadrilaterals where they are flat parallelograms their geometry. The middle node of a side that is split becomes the
+   corner at the crossing, and takes with it what fixes it; a force or a pin on it goes to the nearest node on its own
+   side of the cut, the pin's place by as much. On failure nothing has changed. */
 DGFEM_API dgfem_status dgfem_shell_cut_plane(dgfem_shell *shell, const dgfem_shell_cut_desc *desc,
                                              dgfem_shell_cut_info *info);
 
@@ -733,6 +750,29 @@ static dgfem_mat3 dgfem_shelli_rotation(dgfem_vec3 axis, dgfem_real angle) {
     dgfem_shelli_add_outer(&r, 1 - c, axis, axis);
     return r;
 }
+/* Unit axis of a rotation, and its angle in [0, pi], from the quaternion: its largest component has all digits. The
+   axis of no rotation is zero. */
+static dgfem_vec3 dgfem_shelli_axis_of(const dgfem_mat3 *r, dgfem_real *angle) {
+    dgfem_real d[3], trace = r->m[0][0] + r->m[1][1] + r->m[2][2], v[3], w;
+    int i = 0;
+    for (int k = 0; k < 3; k++) d[k] = r->m[k][k];
+    for (int k = 1; k < 3; k++)
+        if (d[k] > d[i]) i = k;
+    int j = (i + 1) % 3, k = (i + 2) % 3;
+    if (trace > d[i]) { /* four times w (w, v); else four times v_i (w, v) */
+        w = 1 + trace;
+        for (int c = 0; c < 3; c++) v[c] = r->m[(c + 2) % 3][(c + 1) % 3] - r->m[(c + 1) % 3][(c + 2) % 3];
+    } else {
+        w = r->m[k][j] - r->m[j][k];
+        v[i] = 1 + 2 * d[i] - trace;
+        v[j] = r->m[i][j] + r->m[j][i];
+        v[k] = r->m[i][k] + r->m[k][i];
+    }
+    dgfem_vec3 axis = dgfem_shelli_vec3(v[0], v[1], v[2]);
+    if (w < 0) axis = dgfem_shelli_scale(-1, axis), w = -w;
+    *angle = (dgfem_real)(2 * atan2((double)dgfem_shelli_norm(axis), (double)w));
+    return dgfem_shelli_unit(axis);
+}
 static dgfem_real dgfem_shelli_determinant(const dgfem_mat3 *a) {
     dgfem_vec3 r[3];
     for (int i = 0; i < 3; i++) r[i] = dgfem_shelli_vec3(a->m[i][0], a->m[i][1], a->m[i][2]);
@@ -868,7 +908,7 @@ static dgfem_shelli_parameter dgfem_shelli_side(int nodes, int side, dgfem_real 
 
 /* ---- quadrature ---- */
 
-enum { DGFEM_SHELLI_EDGE_POINTS = 3, DGFEM_SHELLI_MAX_POINTS = 4, DGFEM_SHELLI_MAX_FINE = 9 };
+enum { DGFEM_SHELLI_EDGE_POINTS = 3 };
 
 /* Gauss-Legendre with three points on [-1, 1]. */
 static dgfem_real dgfem_shelli_gauss_point(int q) { return (dgfem_real)((q - 1) * 0.77459666924148337704); }
@@ -1077,7 +1117,7 @@ static dgfem_status dgfem_shelli_read_elements(dgfem_shell *shell, const dgfem_s
 
 /* Open addressing from the corners of an edge to its middle node. */
 typedef struct dgfem_shelli_pair {
-    int a, b, middle; /* a < b; middle is 0 in an empty slot: vertex 0 is no made middle */
+    int a, b, middle; /* a < b; middle is 0 in an empty slot: numbers are kept plus one */
 } dgfem_shelli_pair;
 
 static dgfem_shelli_pair *dgfem_shelli_find_pair(dgfem_shelli_pair *table, size_t mask, int a, int b) {
@@ -1093,12 +1133,17 @@ static dgfem_shelli_pair *dgfem_shelli_find_pair(dgfem_shelli_pair *table, size_
     }
 }
 
+static size_t dgfem_shelli_pair_table_size(const dgfem_shell *shell) {
+    size_t size = 16;
+    while (size < 8 * (size_t)shell->element_count) size *= 2;
+    return size;
+}
+
 /* Numbers a middle node for every edge, behind the vertices. Returns the number of all nodes, 0 when out of memory. */
 static int dgfem_shelli_number_middles(dgfem_shell *shell, int vertex_count) {
     dgfem_shelli_scratch scratch = dgfem_shelli_scratch_make(&shell->hooks);
-    size_t size = 16;
+    size_t size = dgfem_shelli_pair_table_size(shell);
     int next = vertex_count;
-    while (size < 8 * (size_t)shell->element_count) size *= 2;
     dgfem_shelli_pair *table = (dgfem_shelli_pair *)dgfem_shelli_take(&scratch, size, sizeof *table);
     if (!table) return 0;
     for (int e = 0; e < shell->element_count; e++) {
@@ -1107,8 +1152,8 @@ static int dgfem_shelli_number_middles(dgfem_shell *shell, int vertex_count) {
         for (int k = 0; k < corners; k++) {
             dgfem_shelli_pair *pair =
                 dgfem_shelli_find_pair(table, size - 1, element->node[k], element->node[(k + 1) % corners]);
-            if (!pair->middle) pair->middle = next++;
-            element->node[corners + k] = pair->middle;
+            if (!pair->middle) pair->middle = ++next;
+            element->node[corners + k] = pair->middle - 1;
         }
     }
     dgfem_shelli_scratch_free(&scratch);
@@ -1154,6 +1199,56 @@ static dgfem_status dgfem_shelli_check_used(const dgfem_shell *shell) {
     return status;
 }
 
+/* ---- given middle nodes ---- */
+
+/* No node is a corner of one element and a middle of another: role[i] > 0 is a corner of element role[i] - 1, < 0 a
+   middle. */
+static dgfem_status dgfem_shelli_check_roles(const dgfem_shell *shell, int *role) {
+    for (int e = 0; e < shell->element_count; e++) {
+        const dgfem_shell_element *element = &shell->elements[e];
+        for (int a = 0; a < element->node_count; a++) {
+            int corner = a < dgfem_shelli_corners(element), i = element->node[a], other = role[i];
+            if (other && (other > 0) != corner)
+                return dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_NOT_CONFORMING,
+                                         "vertex %d is a corner of element %d and the middle of a side of element %d",
+                                         i, corner ? e : other - 1, corner ? -other - 1 : e);
+            role[i] = corner ? e + 1 : -e - 1;
+        }
+    }
+    return DGFEM_OK;
+}
+
+/* No two sides between the same corners have different middles. */
+static dgfem_status dgfem_shelli_check_middles(const dgfem_shell *shell, dgfem_shelli_pair *table, size_t mask) {
+    for (int e = 0; e < shell->element_count; e++) {
+        const dgfem_shell_element *element = &shell->elements[e];
+        int corners = dgfem_shelli_corners(element);
+        for (int k = 0; k < corners; k++) {
+            int a = element->node[k], b = element->node[(k + 1) % corners], middle = element->node[corners + k];
+            dgfem_shelli_pair *pair = dgfem_shelli_find_pair(table, mask, a, b);
+            if (pair->middle && pair->middle != middle + 1)
+                return dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_NOT_CONFORMING,
+                                         "element %d: the side of vertices %d and %d has the middle node %d, that of "
+                                         "another element %d",
+                                         e, a, b, middle, pair->middle - 1);
+            pair->middle = middle + 1;
+        }
+    }
+    return DGFEM_OK;
+}
+
+static dgfem_status dgfem_shelli_check_given(const dgfem_shell *shell) {
+    dgfem_shelli_scratch scratch = dgfem_shelli_scratch_make(&shell->hooks);
+    size_t size = dgfem_shelli_pair_table_size(shell);
+    int *role = (int *)dgfem_shelli_take(&scratch, (size_t)shell->node_count, sizeof(int));
+    dgfem_shelli_pair *table = (dgfem_shelli_pair *)dgfem_shelli_take(&scratch, size, sizeof *table);
+    dgfem_status status = role && table ? DGFEM_OK : DGFEM_ERROR_MEMORY;
+    if (!status) status = dgfem_shelli_check_roles(shell, role);
+    if (!status) status = dgfem_shelli_check_middles(shell, table, size - 1);
+    dgfem_shelli_scratch_free(&scratch);
+    return status;
+}
+
 /* ---- edges ---- */
 
 static void dgfem_shelli_new_edge(dgfem_shell *shell, int e, int k, int middle) {
@@ -1165,7 +1260,7 @@ static void dgfem_shelli_new_edge(dgfem_shell *shell, int e, int k, int middle) 
     edge->node[2] = middle;
     edge->element[0] = e, edge->element[1] = DGFEM_NONE;
     edge->side[0] = k, edge->side[1] = DGFEM_NONE;
-    edge->support = DGFEM_NONE;
+    edge->loop = edge->support = DGFEM_NONE;
     element->edge[k] = shell->edge_count++;
 }
 
@@ -1191,6 +1286,35 @@ static dgfem_status dgfem_shelli_join_edge(dgfem_shell *shell, int e, int k, int
     return DGFEM_OK;
 }
 
+static int dgfem_shelli_is_boundary(const dgfem_shell_edge *edge) { return edge->element[1] == DGFEM_NONE; }
+
+/* The boundary edge that follows: around the end node through the elements, as far as they hang together by edges. */
+static int dgfem_shelli_next_boundary(const dgfem_shell *shell, int edge) {
+    int e = shell->edges[edge].element[0], side = shell->edges[edge].side[0];
+    for (;;) {
+        int next = shell->elements[e].edge[(side + 1) % dgfem_shelli_corners(&shell->elements[e])];
+        const dgfem_shell_edge *candidate = &shell->edges[next];
+        if (dgfem_shelli_is_boundary(candidate)) return next;
+        int other = candidate->element[0] == e;
+        e = candidate->element[other];
+        side = candidate->side[other];
+    }
+}
+
+/* Numbers the loops of the boundary in the order of their lowest edges. */
+static void dgfem_shelli_number_loops(dgfem_shell *shell) {
+    int loops = 0;
+    for (int first = 0; first < shell->edge_count; first++) {
+        int edge = first;
+        if (!dgfem_shelli_is_boundary(&shell->edges[first]) || shell->edges[first].loop != DGFEM_NONE) continue;
+        do {
+            shell->edges[edge].loop = loops;
+            edge = dgfem_shelli_next_boundary(shell, edge);
+        } while (edge != first);
+        loops++;
+    }
+}
+
 /* Finds all edges by their middle nodes: shell->edges has room for one per side. */
 static dgfem_status dgfem_shelli_connect(dgfem_shell *shell) {
     dgfem_shelli_scratch scratch = dgfem_shelli_scratch_make(&shell->hooks);
@@ -1210,6 +1334,7 @@ static dgfem_status dgfem_shelli_connect(dgfem_shell *shell) {
             }
         }
     }
+    if (!status) dgfem_shelli_number_loops(shell);
     dgfem_shelli_scratch_free(&scratch);
     return status;
 }
@@ -1307,32 +1432,12 @@ static dgfem_status dgfem_shelli_measure(dgfem_shell *shell) {
 
 /* ---- boundary ---- */
 
-static int dgfem_shelli_is_boundary(const dgfem_shell_edge *edge) { return edge->element[1] == DGFEM_NONE; }
-
-/* The boundary edge that follows: around the end node through the elements, as far as they hang together by edges. */
-static int dgfem_shelli_next_boundary(const dgfem_shell *shell, int edge) {
-    int e = shell->edges[edge].element[0], side = shell->edges[edge].side[0];
-    for (;;) {
-        int next = shell->elements[e].edge[(side + 1) % dgfem_shelli_corners(&shell->elements[e])];
-        const dgfem_shell_edge *candidate = &shell->edges[next];
-        if (dgfem_shelli_is_boundary(candidate)) return next;
-        int other = candidate->element[0] == e;
-        e = candidate->element[other];
-        side = candidate->side[other];
-    }
-}
-
 DGFEM_API int dgfem_shell_boundary(const dgfem_shell *shell, int *edges, int *loop_start) {
     int loops = 0, count = 0;
     if (!shell) return 0;
     for (int first = 0; first < shell->edge_count; first++) {
-        int lowest = first, edge = first;
-        if (!dgfem_shelli_is_boundary(&shell->edges[first])) continue;
-        do { /* a loop is written from its lowest edge */
-            edge = dgfem_shelli_next_boundary(shell, edge);
-            if (edge < lowest) lowest = edge;
-        } while (edge != first && lowest == first);
-        if (lowest != first) continue;
+        int edge = first;
+        if (shell->edges[first].loop != loops) continue; /* a loop is written from its lowest edge */
         if (loop_start) loop_start[loops] = count;
         loops++;
         do {
@@ -1400,7 +1505,12 @@ DGFEM_API int dgfem_shell_nearest_node(const dgfem_shell *shell, dgfem_vec3 x) {
    D = E h^3 / (12 (1 - nu^2)). The point's rotation R comes from F = sum x_a D_a^T + t t0^T, where D_a are the
    gradients kept here. */
 
-enum { DGFEM_SHELLI_MAX_GROUP = 2 * DGFEM_SHELL_MAX_NODES, DGFEM_SHELLI_MAX_ROWS = 6 };
+enum {
+    DGFEM_SHELLI_MAX_GROUP = 2 * DGFEM_SHELL_MAX_NODES,
+    DGFEM_SHELLI_MAX_ROWS = 6,
+    DGFEM_SHELLI_MAX_WIDTH = 3 * DGFEM_SHELLI_MAX_GROUP,
+    DGFEM_SHELLI_DENSE = DGFEM_SHELLI_MAX_WIDTH * DGFEM_SHELLI_MAX_WIDTH
+};
 
 typedef enum dgfem_shelli_kind { DGFEM_SHELLI_ELEMENT, DGFEM_SHELLI_GLUE, DGFEM_SHELLI_BOUNDARY } dgfem_shelli_kind;
 
@@ -1444,8 +1554,13 @@ struct dgfem_shell_system {
     int *nodes;
     dgfem_real *strains;
     dgfem_vec3 *gradients;
-    size_t *map;           /* value offset of each pair's block in the matrix */
-    dgfem_mat3 *rotations; /* [points] of the last evaluation: where F has none, it is kept */
+    size_t *map;              /* value offset of each pair's block in the matrix */
+    dgfem_vec3 *group_force;  /* [node_total] of each group on its nodes */
+    dgfem_real *group_energy; /* [group_count] */
+    dgfem_real *dense;        /* [dense_count][DENSE] stiffness of groups that are computed at a time */
+    int dense_count;
+    dgfem_mat3 *rotations;     /* [points] of the last evaluation: where F has none, it is kept */
+    dgfem_real *strain_before; /* [points][MAX_ROWS] at the beginning of the step, for damping */
     dgfem_shelli_basis basis[DGFEM_SHELLI_BASIS_COUNT];
     dgfem_matrix *matrix;
     dgfem_cholesky *cholesky;
@@ -1892,21 +2007,56 @@ static void dgfem_shelli_rotate_in_plane(const dgfem_shell *shell, const dgfem_s
 
 /* What a condition has come to on the path of a static solve; elsewhere simply its value. */
 static dgfem_real dgfem_shelli_scalar_now(const dgfem_shell *shell, const dgfem_shell_condition *condition) {
+    if (shell->system->part == 1) return condition->scalar;
     return condition->scalar_before + shell->system->part * (condition->scalar - condition->scalar_before);
 }
 static dgfem_vec3 dgfem_shelli_between(const dgfem_shell *shell, dgfem_vec3 before, dgfem_vec3 now) {
+    if (shell->system->part == 1) return now;
     return dgfem_shelli_axpy(before, shell->system->part, dgfem_shelli_sub(now, before));
 }
 static dgfem_vec3 dgfem_shelli_vector_now(const dgfem_shell *shell, const dgfem_shell_condition *condition) {
     return dgfem_shelli_between(shell, condition->vector_before, condition->vector);
 }
-static dgfem_mat3 dgfem_shelli_rotation_now(const dgfem_shell *shell, const dgfem_shell_condition *condition) {
-    dgfem_mat3 mean = condition->rotation_before;
-    if (shell->system->part == 1) return condition->rotation;
-    for (int i = 0; i < 9; i++)
-        mean.m[i / 3][i % 3] +=
-            shell->system->part * (condition->rotation.m[i / 3][i % 3] - condition->rotation_before.m[i / 3][i % 3]);
-    return dgfem_shelli_polar(&mean, &condition->rotation);
+
+/* A rigid motion x -> r x + t. */
+typedef struct dgfem_shelli_placement {
+    dgfem_mat3 r;
+    dgfem_vec3 t;
+} dgfem_shelli_placement;
+
+static dgfem_vec3 dgfem_shelli_place(const dgfem_shelli_placement *placement, dgfem_vec3 x) {
+    return dgfem_shelli_add(dgfem_shelli_multiply(&placement->r, x), placement->t);
+}
+
+static dgfem_shelli_placement dgfem_shelli_clamp_before(const dgfem_shell_condition *clamp) {
+    dgfem_shelli_placement before;
+    before.r = clamp->rotation_before, before.t = clamp->vector_before;
+    return before;
+}
+
+/* Where a clamp is at the present part s of the path: between two placements lies a screw motion, whatever origin they
+   are given from. With turn angle w about the axis a and move d = d_a + d_n (along and across the axis), the part s
+   turns by s w and moves by
+     s d_a + sin(s w / 2) / sin(w / 2) (cos v d_n + sin v (a x d_n)),  v = (s - 1) w / 2. */
+static dgfem_shelli_placement dgfem_shelli_clamp_now(const dgfem_shell *shell, const dgfem_shell_condition *clamp) {
+    dgfem_shelli_placement now = dgfem_shelli_clamp_before(clamp);
+    dgfem_real s = shell->system->part, angle;
+    if (s == 1) {
+        now.r = clamp->rotation, now.t = clamp->vector;
+        return now;
+    }
+    dgfem_mat3 back = dgfem_shelli_transposed(&now.r), turn = dgfem_shelli_multiply3(&clamp->rotation, &back);
+    dgfem_vec3 a = dgfem_shelli_axis_of(&turn, &angle);
+    dgfem_vec3 d = dgfem_shelli_sub(clamp->vector, dgfem_shelli_multiply(&turn, now.t));
+    dgfem_vec3 along = dgfem_shelli_scale(dgfem_shelli_dot(a, d), a), across = dgfem_shelli_sub(d, along);
+    double half = (double)angle / 2, v = ((double)s - 1) * half;
+    dgfem_real part = half > 0 ? (dgfem_real)(sin((double)s * half) / sin(half)) : s;
+    turn = dgfem_shelli_rotation(a, s * angle);
+    d = dgfem_shelli_axpy(dgfem_shelli_scale(s, along), part * (dgfem_real)cos(v), across);
+    d = dgfem_shelli_axpy(d, part * (dgfem_real)sin(v), dgfem_shelli_cross(a, across));
+    now.r = dgfem_shelli_multiply3(&turn, &now.r);
+    now.t = dgfem_shelli_add(dgfem_shelli_multiply(&turn, now.t), d);
+    return now;
 }
 
 /* R of a held boundary edge, and the tilt that it prescribes where rotations are not followed. */
@@ -1915,7 +2065,7 @@ static dgfem_real dgfem_shelli_rotate_support(const dgfem_shell *shell, const dg
                                               int spins, dgfem_shelli_kinematics *k) {
     if (spins) memset(k->spin, 0, (size_t)local->count * sizeof *k->spin);
     dgfem_mat3 turn = dgfem_shelli_identity();
-    if (condition->kind == DGFEM_SHELL_CONDITION_CLAMP) turn = dgfem_shelli_rotation_now(shell, condition);
+    if (condition->kind == DGFEM_SHELL_CONDITION_CLAMP) turn = dgfem_shelli_clamp_now(shell, condition).r;
     if (condition->kind == DGFEM_SHELL_CONDITION_ROTATION)
         turn = dgfem_shelli_rotation(point->f1,
                                      -dgfem_shelli_scalar_now(shell, condition)); /* f1 runs against the element */
@@ -2000,42 +2150,100 @@ static void dgfem_shelli_evaluate(const dgfem_shell *shell, const dgfem_shelli_g
 
 /* ---- internal force ---- */
 
-/* Adds the damping beta C S R^T v to a point's forces. */
-static void dgfem_shelli_add_damping(const dgfem_shell *shell, const dgfem_shelli_point *point,
-                                     const dgfem_shelli_local *local, const dgfem_vec3 *velocity,
-                                     dgfem_shelli_kinematics *k) {
-    const dgfem_real *s = shell->system->strains + point->strain_start;
-    dgfem_real rate[DGFEM_SHELLI_MAX_ROWS], stress[DGFEM_SHELLI_MAX_ROWS];
-    dgfem_vec3 v[DGFEM_SHELLI_MAX_GROUP], force[DGFEM_SHELLI_MAX_GROUP];
-    for (int a = 0; a < local->count; a++) v[a] = dgfem_shelli_multiply_transposed(&k->r, velocity[local->nodes[a]]);
-    for (int i = 0; i < k->rows; i++) rate[i] = dgfem_shelli_row_product(s + 3 * i * local->count, v, local->count);
-    dgfem_shelli_apply_stiffness(point, k->rows, rate, stress);
-    dgfem_shelli_point_forces(s, k->rows, stress, local->count, force);
-    for (int a = 0; a < local->count; a++)
-        k->force[a] = dgfem_shelli_axpy(k->force[a], shell->desc.damping_stiffness, force[a]);
+/* Strains of a point at the beginning of the step. */
+static dgfem_real *dgfem_shelli_strain_before(const dgfem_shell_system *system, const dgfem_shelli_point *point) {
+    return system->strain_before + DGFEM_SHELLI_MAX_ROWS * (size_t)(point - system->points);
 }
 
-/* out += factor * internal force at positions x, with stiffness damping where velocities are given; returns the elastic
-   energy. */
-static dgfem_real dgfem_shelli_add_internal(const dgfem_shell *shell, const dgfem_vec3 *x, const dgfem_vec3 *velocity,
-                                            dgfem_real factor, dgfem_vec3 *out) {
-    const dgfem_shell_system *system = shell->system;
+/* Keeps the strains of the current positions, supports where they were before. */
+static void dgfem_shelli_keep_strains(const dgfem_shell *shell) {
+    dgfem_shell_system *system = shell->system;
     dgfem_shelli_local local;
     dgfem_shelli_kinematics k;
-    dgfem_real energy = 0;
+    system->part = 0;
     for (int g = 0; g < system->group_count; g++) {
         const dgfem_shelli_group *group = &system->groups[g];
         if (!dgfem_shelli_group_acts(shell, group)) continue;
-        dgfem_shelli_local_take(shell, group, x, &local);
+        dgfem_shelli_local_take(shell, group, shell->position, &local);
         for (int q = 0; q < group->point_count; q++) {
-            dgfem_shelli_evaluate(shell, group, &system->points[group->point_start + q], &local, 0, &k);
-            for (int i = 0; i < k.rows; i++) energy += DGFEM_R(0.5) * k.strain[i] * k.stress[i];
-            if (velocity)
-                dgfem_shelli_add_damping(shell, &system->points[group->point_start + q], &local, velocity, &k);
-            for (int a = 0; out && a < local.count; a++) {
-                dgfem_vec3 *to = &out[local.nodes[a]];
-                *to = dgfem_shelli_axpy(*to, factor, dgfem_shelli_multiply(&k.r, k.force[a]));
-            }
+            const dgfem_shelli_point *point = &system->points[group->point_start + q];
+            dgfem_shelli_evaluate(shell, group, point, &local, 0, &k);
+            memcpy(dgfem_shelli_strain_before(system, point), k.strain, (size_t)k.rows * sizeof *k.strain);
+        }
+    }
+    system->part = 1;
+}
+
+/* Adds the damping C times `damping` = beta / h times what the strains have gained in the step of length h: nothing in
+   a rigid motion, however large, with its supports. */
+static void dgfem_shelli_add_damping(const dgfem_shell *shell, const dgfem_shelli_point *point, dgfem_real damping,
+                                     int count, dgfem_shelli_kinematics *k) {
+    const dgfem_real *before = dgfem_shelli_strain_before(shell->system, point);
+    dgfem_real gain[DGFEM_SHELLI_MAX_ROWS], stress[DGFEM_SHELLI_MAX_ROWS];
+    for (int i = 0; i < k->rows; i++) gain[i] = damping * (k->strain[i] - before[i]);
+    dgfem_shelli_apply_stiffness(point, k->rows, gain, stress);
+    for (int i = 0; i < k->rows; i++) stress[i] += k->stress[i];
+    dgfem_shelli_point_forces(shell->system->strains + point->strain_start, k->rows, stress, count, k->force);
+}
+
+/* Groups are evaluated in any order, each into memory of its own; sums are then taken in theirs. So results are the
+   same bits for any number of threads. */
+typedef struct dgfem_shelli_pass {
+    const dgfem_shell *shell;
+    const dgfem_vec3 *x;
+    dgfem_real damping; /* forces */
+    int spins, first;   /* tangents: the group of the first matrix */
+    dgfem_real frozen;
+} dgfem_shelli_pass;
+
+static void dgfem_shelli_run(const dgfem_hooks *hooks, int count, dgfem_range_fn fn, dgfem_shelli_pass *pass) {
+    enum { GRAIN = 8 };
+    if (hooks->parallel_for && count > GRAIN) hooks->parallel_for(hooks->parallel_for_user, count, GRAIN, fn, pass);
+    else fn(pass, 0, count);
+}
+
+static void dgfem_shelli_group_force(const dgfem_shelli_pass *pass, int g) {
+    const dgfem_shell_system *system = pass->shell->system;
+    const dgfem_shelli_group *group = &system->groups[g];
+    dgfem_vec3 *force = system->group_force + group->node_start;
+    dgfem_shelli_local local;
+    dgfem_shelli_kinematics k;
+    dgfem_real energy = 0;
+    memset(force, 0, (size_t)group->node_count * sizeof *force);
+    system->group_energy[g] = 0;
+    if (!dgfem_shelli_group_acts(pass->shell, group)) return;
+    dgfem_shelli_local_take(pass->shell, group, pass->x, &local);
+    for (int q = 0; q < group->point_count; q++) {
+        const dgfem_shelli_point *point = &system->points[group->point_start + q];
+        dgfem_shelli_evaluate(pass->shell, group, point, &local, 0, &k);
+        for (int i = 0; i < k.rows; i++) energy += DGFEM_R(0.5) * k.strain[i] * k.stress[i];
+        if (pass->damping > 0) dgfem_shelli_add_damping(pass->shell, point, pass->damping, local.count, &k);
+        for (int a = 0; a < local.count; a++)
+            force[a] = dgfem_shelli_add(force[a], dgfem_shelli_multiply(&k.r, k.force[a]));
+    }
+    system->group_energy[g] = energy;
+}
+
+static void dgfem_shelli_force_range(void *context, int first, int last) {
+    for (int g = first; g < last; g++) dgfem_shelli_group_force((const dgfem_shelli_pass *)context, g);
+}
+
+/* out += factor * internal force at positions x, with the given damping of the strains' gain; returns the elastic
+   energy. */
+static dgfem_real dgfem_shelli_add_internal(const dgfem_shell *shell, const dgfem_vec3 *x, dgfem_real damping,
+                                            dgfem_real factor, dgfem_vec3 *out) {
+    const dgfem_shell_system *system = shell->system;
+    dgfem_shelli_pass pass;
+    dgfem_real energy = 0;
+    memset(&pass, 0, sizeof pass);
+    pass.shell = shell, pass.x = x, pass.damping = damping;
+    dgfem_shelli_run(&shell->hooks, system->group_count, dgfem_shelli_force_range, &pass);
+    for (int g = 0; g < system->group_count; g++) {
+        const dgfem_shelli_group *group = &system->groups[g];
+        energy += system->group_energy[g];
+        for (int i = group->node_start; out && i < group->node_start + group->node_count; i++) {
+            dgfem_vec3 *to = &out[system->nodes[i]];
+            *to = dgfem_shelli_axpy(*to, factor, system->group_force[i]);
         }
     }
     return energy;
@@ -2043,7 +2251,7 @@ static dgfem_real dgfem_shelli_add_internal(const dgfem_shell *shell, const dgfe
 
 /* ---- tangent ---- */
 
-enum { DGFEM_SHELLI_MAX_WIDTH = 3 * DGFEM_SHELLI_MAX_GROUP, DGFEM_SHELLI_MAX_TERMS = DGFEM_SHELLI_MAX_ROWS + 3 };
+enum { DGFEM_SHELLI_MAX_TERMS = DGFEM_SHELLI_MAX_ROWS + 3 };
 
 /* S [y]x: what a spin does to the strains, rows x 3. */
 static void dgfem_shelli_spin_strains(const dgfem_real *s, int rows, const dgfem_vec3 *y, int count, dgfem_real *out) {
@@ -2158,29 +2366,51 @@ static void dgfem_shelli_scatter(const dgfem_shell_system *system, const dgfem_s
         }
 }
 
+/* The stiffness of a group, width x width. */
+static void dgfem_shelli_group_stiffness(const dgfem_shelli_pass *pass, int g, dgfem_real *dense) {
+    const dgfem_shell_system *system = pass->shell->system;
+    const dgfem_shelli_group *group = &system->groups[g];
+    dgfem_real left[DGFEM_SHELLI_MAX_TERMS * DGFEM_SHELLI_MAX_WIDTH];
+    dgfem_real right[DGFEM_SHELLI_MAX_TERMS * DGFEM_SHELLI_MAX_WIDTH];
+    dgfem_shelli_local local;
+    dgfem_shelli_kinematics k;
+    int width = 3 * group->node_count;
+    if (!dgfem_shelli_group_acts(pass->shell, group)) return;
+    dgfem_shelli_local_take(pass->shell, group, pass->x, &local);
+    memset(dense, 0, (size_t)(width * width) * sizeof *dense);
+    for (int q = 0; q < group->point_count; q++) {
+        const dgfem_shelli_point *point = &system->points[group->point_start + q];
+        dgfem_shelli_evaluate(pass->shell, group, point, &local, pass->spins, &k);
+        int terms =
+            dgfem_shelli_point_terms(pass->shell, point, &k, local.count, pass->spins, pass->frozen, left, right);
+        dgfem_shelli_add_products(left, right, terms, width, dense);
+    }
+}
+
+static void dgfem_shelli_stiffness_range(void *context, int first, int last) {
+    const dgfem_shelli_pass *pass = (const dgfem_shelli_pass *)context;
+    for (int i = first; i < last; i++)
+        dgfem_shelli_group_stiffness(pass, pass->first + i,
+                                     pass->shell->system->dense + (size_t)i * DGFEM_SHELLI_DENSE);
+}
+
 /* matrix += factor * K_frozen, or with spins the symmetric part of K_tangent, where the part of frozen rotations counts
    `frozen` times. */
 static void dgfem_shelli_assemble(const dgfem_shell *shell, const dgfem_vec3 *x, int spins, dgfem_real frozen,
                                   dgfem_real factor) {
     const dgfem_shell_system *system = shell->system;
-    dgfem_real left[DGFEM_SHELLI_MAX_TERMS * DGFEM_SHELLI_MAX_WIDTH];
-    dgfem_real right[DGFEM_SHELLI_MAX_TERMS * DGFEM_SHELLI_MAX_WIDTH];
-    dgfem_real dense[DGFEM_SHELLI_MAX_WIDTH * DGFEM_SHELLI_MAX_WIDTH];
-    dgfem_shelli_local local;
-    dgfem_shelli_kinematics k;
-    for (int g = 0; g < system->group_count; g++) {
-        const dgfem_shelli_group *group = &system->groups[g];
-        if (!dgfem_shelli_group_acts(shell, group)) continue;
-        int width = 3 * group->node_count;
-        dgfem_shelli_local_take(shell, group, x, &local);
-        memset(dense, 0, (size_t)(width * width) * sizeof *dense);
-        for (int q = 0; q < group->point_count; q++) {
-            const dgfem_shelli_point *point = &system->points[group->point_start + q];
-            dgfem_shelli_evaluate(shell, group, point, &local, spins, &k);
-            int terms = dgfem_shelli_point_terms(shell, point, &k, local.count, spins, frozen, left, right);
-            dgfem_shelli_add_products(left, right, terms, width, dense);
+    dgfem_shelli_pass pass;
+    memset(&pass, 0, sizeof pass);
+    pass.shell = shell, pass.x = x, pass.spins = spins, pass.frozen = frozen;
+    for (; pass.first < system->group_count; pass.first += system->dense_count) {
+        int count = system->group_count - pass.first;
+        if (count > system->dense_count) count = system->dense_count;
+        dgfem_shelli_run(&shell->hooks, count, dgfem_shelli_stiffness_range, &pass);
+        for (int i = 0; i < count; i++) {
+            const dgfem_shelli_group *group = &system->groups[pass.first + i];
+            if (dgfem_shelli_group_acts(shell, group))
+                dgfem_shelli_scatter(system, group, factor, system->dense + (size_t)i * DGFEM_SHELLI_DENSE);
         }
-        dgfem_shelli_scatter(system, group, factor, dense);
     }
 }
 
@@ -2190,9 +2420,8 @@ static void dgfem_shelli_assemble(const dgfem_shell *shell, const dgfem_vec3 *x,
 
 /* Work vectors of all nodes. */
 enum {
-    DGFEM_SHELLI_X,     /* trial positions */
-    DGFEM_SHELLI_V,     /* trial velocities */
-    DGFEM_SHELLI_START, /* positions at the beginning */
+    DGFEM_SHELLI_X, /* trial positions */
+    DGFEM_SHELLI_V, /* trial velocities */
     DGFEM_SHELLI_RESIDUAL,
     DGFEM_SHELLI_FORCE,
     DGFEM_SHELLI_RHS,
@@ -2281,7 +2510,9 @@ static int dgfem_shelli_lay_out(const dgfem_shell *shell, dgfem_shell_system *sy
     system->points = (dgfem_shelli_point *)dgfem_shelli_allocate(hooks, points, sizeof *system->points);
     system->nodes = (int *)dgfem_shelli_allocate(hooks, DGFEM_SHELLI_MAX_GROUP * groups, sizeof(int));
     system->rotations = (dgfem_mat3 *)dgfem_shelli_allocate(hooks, points, sizeof(dgfem_mat3));
-    if (!system->groups || !system->points || !system->nodes || !system->rotations) return 0;
+    system->strain_before =
+        (dgfem_real *)dgfem_shelli_allocate(hooks, points, DGFEM_SHELLI_MAX_ROWS * sizeof(dgfem_real));
+    if (!system->groups || !system->points || !system->nodes || !system->rotations || !system->strain_before) return 0;
     for (int q = 0; q < system->point_count; q++) system->rotations[q] = dgfem_shelli_identity();
     system->group_count = system->point_count = 0;
     for (int e = 0; e < shell->element_count; e++)
@@ -2294,8 +2525,14 @@ static int dgfem_shelli_lay_out(const dgfem_shell *shell, dgfem_shell_system *sy
                 i, shell->edges[i].element, DGFEM_SHELLI_EDGE_POINTS, totals);
     system->strains = (dgfem_real *)dgfem_shelli_allocate(hooks, totals->strains, sizeof(dgfem_real));
     system->gradients = (dgfem_vec3 *)dgfem_shelli_allocate(hooks, totals->gradients, sizeof(dgfem_vec3));
+    system->group_force = (dgfem_vec3 *)dgfem_shelli_allocate(hooks, (size_t)system->node_total, sizeof(dgfem_vec3));
+    system->group_energy = (dgfem_real *)dgfem_shelli_allocate(hooks, groups, sizeof(dgfem_real));
+    system->dense_count = hooks->parallel_for ? 128 : 1;
+    system->dense = (dgfem_real *)dgfem_shelli_allocate(hooks, (size_t)system->dense_count * DGFEM_SHELLI_DENSE,
+                                                        sizeof(dgfem_real));
     system->map = (size_t *)dgfem_shelli_allocate(hooks, totals->pairs, sizeof(size_t));
-    return system->strains && system->gradients && system->map;
+    return system->strains && system->gradients && system->map && system->group_force && system->group_energy &&
+           system->dense;
 }
 
 /* ---- matrix ---- */
@@ -2376,6 +2613,10 @@ static void dgfem_shelli_system_destroy(const dgfem_hooks *hooks, dgfem_shell_sy
     dgfem_shelli_free(hooks, system->gradients);
     dgfem_shelli_free(hooks, system->map);
     dgfem_shelli_free(hooks, system->rotations);
+    dgfem_shelli_free(hooks, system->strain_before);
+    dgfem_shelli_free(hooks, system->group_force);
+    dgfem_shelli_free(hooks, system->group_energy);
+    dgfem_shelli_free(hooks, system->dense);
     dgfem_shelli_free(hooks, system->diagonal);
     dgfem_shelli_free(hooks, system->held);
     dgfem_shelli_free(hooks, system->free_part);
@@ -2457,6 +2698,7 @@ static dgfem_status dgfem_shelli_build(dgfem_shell *shell, const dgfem_shell_des
     status = dgfem_shelli_read_vertices(shell, desc);
     if (!status && !given) status = dgfem_shelli_place_middles(shell, desc);
     if (!status) status = dgfem_shelli_check_used(shell);
+    if (!status && given) status = dgfem_shelli_check_given(shell);
     if (!status) status = dgfem_shelli_connect(shell);
     if (!status) status = dgfem_shelli_measure(shell);
     if (!status) status = dgfem_shelli_check_convex(shell);
@@ -2547,26 +2789,29 @@ static void dgfem_shelli_settle(dgfem_shell *shell) {
     shell->gravity_before = shell->desc.gravity;
 }
 
-/* What the conditions say about each edge. */
+/* What condition number c says about its edges. */
+static void dgfem_shelli_mark_edges(dgfem_shell *shell, int c) {
+    const dgfem_shell_condition *condition = &shell->conditions[c];
+    for (int i = 0; i < condition->count; i++) {
+        if (condition->kind == DGFEM_SHELL_CONDITION_MOMENT) {
+            dgfem_shell_edge *edge = &shell->edges[condition->items[i]];
+            *(condition->follower ? &edge->follower_moment : &edge->moment) +=
+                dgfem_shelli_scalar_now(shell, condition);
+        } else if (condition->kind == DGFEM_SHELL_CONDITION_CLAMP ||
+                   condition->kind == DGFEM_SHELL_CONDITION_SYMMETRY ||
+                   condition->kind == DGFEM_SHELL_CONDITION_ROTATION) {
+            shell->edges[condition->items[i]].support = c;
+        }
+    }
+}
+
+/* What all conditions say. */
 static void dgfem_shelli_refresh_edges(dgfem_shell *shell) {
     for (int i = 0; i < shell->edge_count; i++) {
         shell->edges[i].support = DGFEM_NONE;
         shell->edges[i].moment = shell->edges[i].follower_moment = 0;
     }
-    for (int c = 0; c < shell->condition_count; c++) {
-        const dgfem_shell_condition *condition = &shell->conditions[c];
-        for (int i = 0; i < condition->count; i++) {
-            if (condition->kind == DGFEM_SHELL_CONDITION_MOMENT) {
-                dgfem_shell_edge *edge = &shell->edges[condition->items[i]];
-                *(condition->follower ? &edge->follower_moment : &edge->moment) +=
-                    dgfem_shelli_scalar_now(shell, condition);
-            } else if (condition->kind == DGFEM_SHELL_CONDITION_CLAMP ||
-                       condition->kind == DGFEM_SHELL_CONDITION_SYMMETRY ||
-                       condition->kind == DGFEM_SHELL_CONDITION_ROTATION) {
-                shell->edges[condition->items[i]].support = c;
-            }
-        }
-    }
+    for (int c = 0; c < shell->condition_count; c++) dgfem_shelli_mark_edges(shell, c);
 }
 
 /* Appends a condition of checked items; the caller fills in the rest of *added. */
@@ -2639,7 +2884,7 @@ DGFEM_API dgfem_status dgfem_shell_fix_symmetry(dgfem_shell *shell, const int *e
         status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_SYMMETRY, edges, count, id, &condition);
     if (status) return status;
     condition->vector = dgfem_shelli_unit(normal);
-    dgfem_shelli_refresh_edges(shell);
+    dgfem_shelli_mark_edges(shell, shell->condition_count - 1);
     return DGFEM_OK;
 }
 
@@ -2648,7 +2893,7 @@ DGFEM_API dgfem_status dgfem_shell_clamp(dgfem_shell *shell, const int *edges, i
     if (!shell) return DGFEM_ERROR_ARGUMENT;
     dgfem_status status = dgfem_shelli_check_boundary(shell, edges, count, 1);
     if (!status) status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_CLAMP, edges, count, id, &condition);
-    if (!status) dgfem_shelli_refresh_edges(shell);
+    if (!status) dgfem_shelli_mark_edges(shell, shell->condition_count - 1);
     return status;
 }
 
@@ -2662,7 +2907,7 @@ DGFEM_API dgfem_status dgfem_shell_fix_rotation(dgfem_shell *shell, const int *e
         status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_ROTATION, edges, count, id, &condition);
     if (status) return status;
     condition->scalar = angle;
-    dgfem_shelli_refresh_edges(shell);
+    dgfem_shelli_mark_edges(shell, shell->condition_count - 1);
     return DGFEM_OK;
 }
 
@@ -2715,7 +2960,7 @@ DGFEM_API dgfem_status dgfem_shell_set_moment(dgfem_shell *shell, const int *edg
     if (status) return status;
     condition->scalar = moment;
     condition->follower = follower != 0;
-    dgfem_shelli_refresh_edges(shell);
+    dgfem_shelli_mark_edges(shell, shell->condition_count - 1);
     return DGFEM_OK;
 }
 
@@ -2882,15 +3127,29 @@ DGFEM_API dgfem_status dgfem_shell_add_sphere(dgfem_shell *shell, const dgfem_sh
     return dgfem_shelli_add_shape(shell, DGFEM_SHAPE_SPHERE, desc, id);
 }
 
+/* Position of the shape of this id in the list, or DGFEM_NONE; that has its line in the log. */
+static int dgfem_shelli_find_shape(const dgfem_shell *shell, int id) {
+    for (int s = 0; s < shell->shape_count; s++)
+        if (shell->shapes[s].id == id) return s;
+    (void)dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_INDEX, "no shape has the id %d", id);
+    return DGFEM_NONE;
+}
+
 DGFEM_API dgfem_status dgfem_shell_move_shape(dgfem_shell *shell, int id, const dgfem_shape_desc *desc) {
     if (!shell) return DGFEM_ERROR_ARGUMENT;
-    for (int s = 0; s < shell->shape_count; s++) {
-        if (shell->shapes[s].id != id) continue;
-        dgfem_status status = dgfem_shelli_check_shape(shell, shell->shapes[s].kind, desc);
-        if (!status) shell->shapes[s].desc = *desc;
-        return status;
-    }
-    return dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_INDEX, "no shape has the id %d", id);
+    int s = dgfem_shelli_find_shape(shell, id);
+    if (s == DGFEM_NONE) return DGFEM_ERROR_INDEX;
+    dgfem_status status = dgfem_shelli_check_shape(shell, shell->shapes[s].kind, desc);
+    if (!status) shell->shapes[s].desc = *desc;
+    return status;
+}
+
+DGFEM_API dgfem_status dgfem_shell_remove_shape(dgfem_shell *shell, int id) {
+    if (!shell) return DGFEM_ERROR_ARGUMENT;
+    int s = dgfem_shelli_find_shape(shell, id);
+    if (s == DGFEM_NONE) return DGFEM_ERROR_INDEX;
+    memmove(shell->shapes + s, shell->shapes + s + 1, (size_t)(--shell->shape_count - s) * sizeof *shell->shapes);
+    return DGFEM_OK;
 }
 
 /* ==== load.c ====================================================================================================== */
@@ -3134,7 +3393,33 @@ static void dgfem_shelli_hold_axes(dgfem_shell_system *system, int node, int axe
     if (axes & DGFEM_SHELL_Z) dgfem_shelli_hold(system, node, dgfem_shelli_vec3(0, 0, 1), displacement.z);
 }
 
-/* Collects what all conditions hold. Returns the number of conditions that hold anything. */
+/* Displacement that a condition gives to a node now, if it was where the condition had it `before`; otherwise the
+   difference vanishes along the path. */
+static dgfem_vec3 dgfem_shelli_held_now(const dgfem_shell *shell, int node, dgfem_vec3 before, dgfem_vec3 now) {
+    if (shell->system->part == 1) return now;
+    dgfem_vec3 astray = dgfem_shelli_sub(dgfem_shelli_sub(shell->position[node], shell->rest[node]), before);
+    return dgfem_shelli_axpy(now, 1 - shell->system->part, astray);
+}
+
+static void dgfem_shelli_hold_edge(const dgfem_shell *shell, const dgfem_shell_condition *condition, int edge) {
+    int clamp = condition->kind == DGFEM_SHELL_CONDITION_CLAMP;
+    dgfem_shelli_placement before = dgfem_shelli_clamp_before(condition), now = before;
+    if (clamp) now = dgfem_shelli_clamp_now(shell, condition);
+    for (int a = 0; a < 3; a++) {
+        int node = shell->edges[edge].node[a];
+        dgfem_vec3 x = shell->rest[node], from = dgfem_shelli_vec3(0, 0, 0), to = from;
+        if (clamp) {
+            from = dgfem_shelli_sub(dgfem_shelli_place(&before, x), x);
+            to = dgfem_shelli_sub(dgfem_shelli_place(&now, x), x);
+        }
+        to = dgfem_shelli_held_now(shell, node, from, to);
+        if (clamp) dgfem_shelli_hold_axes(shell->system, node, DGFEM_SHELL_XYZ, to);
+        else dgfem_shelli_hold(shell->system, node, condition->vector, dgfem_shelli_dot(condition->vector, to));
+    }
+}
+
+/* Collects what all conditions hold, at the present part of the path. Returns the number of conditions that hold
+   anything. */
 static int dgfem_shelli_collect_held(const dgfem_shell *shell) {
     dgfem_shell_system *system = shell->system;
     int holding = 0;
@@ -3150,15 +3435,11 @@ static int dgfem_shelli_collect_held(const dgfem_shell *shell) {
                    condition->kind == DGFEM_SHELL_CONDITION_SYMMETRY || condition->kind == DGFEM_SHELL_CONDITION_PIN;
         for (int i = 0; i < condition->count; i++) {
             if (condition->kind == DGFEM_SHELL_CONDITION_FIX)
-                dgfem_shelli_hold_axes(system, condition->items[i], condition->axes, condition->vector);
-            if (!clamp && condition->kind != DGFEM_SHELL_CONDITION_SYMMETRY) continue;
-            for (int a = 0; a < 3; a++) {
-                int node = shell->edges[condition->items[i]].node[a];
-                dgfem_vec3 moved = dgfem_shelli_multiply(&condition->rotation, shell->rest[node]);
-                moved = dgfem_shelli_sub(dgfem_shelli_add(moved, condition->vector), shell->rest[node]);
-                if (clamp) dgfem_shelli_hold_axes(system, node, DGFEM_SHELL_XYZ, moved);
-                else dgfem_shelli_hold(system, node, condition->vector, 0);
-            }
+                dgfem_shelli_hold_axes(system, condition->items[i], condition->axes,
+                                       dgfem_shelli_held_now(shell, condition->items[i], condition->vector_before,
+                                                             dgfem_shelli_vector_now(shell, condition)));
+            if (clamp || condition->kind == DGFEM_SHELL_CONDITION_SYMMETRY)
+                dgfem_shelli_hold_edge(shell, condition, condition->items[i]);
         }
     }
     return holding;
@@ -3196,9 +3477,9 @@ static void dgfem_shelli_hold_vector(const dgfem_shell *shell, dgfem_vec3 *v) {
 /* Static equilibrium by Newton's method or frozen rotations, in load steps.
 
    A solve follows a path s = 0 .. 1 on which loads go from what they were at the end of the last solve or step to what
-   they are now, and prescribed displacements from where the nodes are to their targets. The first linear systems of a
-   part take the symmetric part of the tangent: what is left out is of second order in the strains. Later ones, where
-   that is what is left to converge, take all of it, by a few GMRES iterations with the factored part. */
+   they are now, fixed nodes straight from where they are to their targets, clamps by a screw motion. The first linear
+   systems of a part take the symmetric part of the tangent: what is left out is of second order in the strains. Later
+   ones, where that is what is left to converge, take all of it, by a few GMRES iterations with the factored part. */
 
 DGFEM_API dgfem_shell_static_desc dgfem_default_shell_static_desc(void) {
     dgfem_shell_static_desc desc;
@@ -3283,7 +3564,6 @@ static dgfem_status dgfem_shelli_solve(dgfem_shell *shell, const dgfem_vec3 *rhs
 
 /* How a solve stands. */
 typedef struct dgfem_shelli_path {
-    dgfem_real part;      /* s */
     dgfem_real scale;     /* size of the forces that balance */
     dgfem_real stiffness; /* largest diagonal, for the round-off of forces */
     dgfem_real extent;    /* of the shell */
@@ -3298,7 +3578,7 @@ static void dgfem_shelli_residual(const dgfem_shell *shell, const dgfem_vec3 *x,
     memset(force, 0, dgfem_shelli_bytes(shell));
     memset(r, 0, dgfem_shelli_bytes(shell));
     dgfem_shelli_add_external(shell, x, 0, 1, force);
-    (void)dgfem_shelli_add_internal(shell, x, NULL, 1, r);
+    (void)dgfem_shelli_add_internal(shell, x, 0, 1, r);
     path->scale = dgfem_shelli_max(dgfem_shelli_length(shell, force), dgfem_shelli_length(shell, r));
     for (int i = 0; i < shell->node_count; i++) r[i] = dgfem_shelli_sub(force[i], r[i]);
     dgfem_shelli_hold_vector(shell, r);
@@ -3332,17 +3612,13 @@ static dgfem_real dgfem_shelli_reach(const dgfem_shell *shell, const dgfem_vec3 
 /* ---- one Newton iteration ---- */
 
 /* The prescribed part of the next increment: what held directions lack. Returns its size. */
-static dgfem_real dgfem_shelli_prescribed(const dgfem_shell *shell, const dgfem_vec3 *x, dgfem_real part,
-                                          dgfem_vec3 *motion) {
+static dgfem_real dgfem_shelli_prescribed(const dgfem_shell *shell, const dgfem_vec3 *x, dgfem_vec3 *motion) {
     const dgfem_shell_system *system = shell->system;
-    const dgfem_vec3 *start = dgfem_shelli_vector(shell, DGFEM_SHELLI_START);
     dgfem_real size = 0;
     for (int i = 0; i < shell->node_count; i++) {
         motion[i] = dgfem_shelli_vec3(0, 0, 0);
         if (!system->held[i]) continue;
-        dgfem_vec3 from = dgfem_shelli_sub(start[i], shell->rest[i]);
-        dgfem_vec3 wanted = dgfem_shelli_axpy(dgfem_shelli_scale(1 - part, from), part, system->target[i]);
-        dgfem_vec3 lack = dgfem_shelli_sub(wanted, dgfem_shelli_sub(x[i], shell->rest[i]));
+        dgfem_vec3 lack = dgfem_shelli_sub(system->target[i], dgfem_shelli_sub(x[i], shell->rest[i]));
         motion[i] = dgfem_shelli_sub(lack, dgfem_shelli_multiply(&system->free_part[i], lack));
         size = dgfem_shelli_max(size, dgfem_shelli_norm(motion[i]));
     }
@@ -3500,8 +3776,7 @@ static dgfem_status dgfem_shelli_iterate(dgfem_shell *shell, const dgfem_shell_s
     dgfem_vec3 *x = dgfem_shelli_vector(shell, DGFEM_SHELLI_X), *r = dgfem_shelli_vector(shell, DGFEM_SHELLI_RESIDUAL);
     dgfem_vec3 *best = dgfem_shelli_vector(shell, DGFEM_SHELLI_BEST);
     for (int iteration = 0; iteration < desc->max_iterations; iteration++) {
-        dgfem_real moved =
-            dgfem_shelli_prescribed(shell, x, path->part, dgfem_shelli_vector(shell, DGFEM_SHELLI_MOTION));
+        dgfem_real moved = dgfem_shelli_prescribed(shell, x, dgfem_shelli_vector(shell, DGFEM_SHELLI_MOTION));
         path->reach = dgfem_shelli_reach(shell, x, path->extent);
         int moves = moved > 10 * DGFEM_SHELL_EPSILON * path->reach;
         if (iteration == 0) dgfem_shelli_residual(shell, x, path, r);
@@ -3520,8 +3795,7 @@ static dgfem_status dgfem_shelli_iterate(dgfem_shell *shell, const dgfem_shell_s
         dgfem_real residual = dgfem_shelli_length(shell, r);
         info->residual = path->scale > 0 ? residual / path->scale : 0;
         if (!dgfem_shelli_is_finite(residual)) return DGFEM_ERROR_NOT_CONVERGED;
-        if (!shell->desc.corotational || dgfem_shelli_converged(path, desc->tolerance, residual))
-            return DGFEM_OK;
+        if (!shell->desc.corotational || dgfem_shelli_converged(path, desc->tolerance, residual)) return DGFEM_OK;
     }
     return DGFEM_ERROR_NOT_CONVERGED;
 }
@@ -3538,17 +3812,17 @@ static dgfem_status dgfem_shelli_follow_path(dgfem_shell *shell, const dgfem_she
     memset(&path, 0, sizeof path);
     path.extent = dgfem_shelli_extent(shell);
     path.search = desc->line_search >= 2;
-    memcpy(dgfem_shelli_vector(shell, DGFEM_SHELLI_START), shell->position, dgfem_shelli_bytes(shell));
     memcpy(x, shell->position, dgfem_shelli_bytes(shell));
     while (done < 1) {
         memcpy(good, x, dgfem_shelli_bytes(shell));
-        path.part = done + step < 1 - DGFEM_R(1e-6) ? done + step : 1;
+        dgfem_real part = done + step < 1 - DGFEM_R(1e-6) ? done + step : 1;
         info->load_steps++;
-        shell->system->part = path.part;
+        shell->system->part = part;
         dgfem_shelli_refresh_edges(shell);
+        (void)dgfem_shelli_collect_held(shell);
         dgfem_status status = dgfem_shelli_iterate(shell, desc, &path, info);
         if (!status) {
-            done = path.part;
+            done = part;
             continue;
         }
         if (status == DGFEM_ERROR_MEMORY || !shell->desc.corotational || step / 2 < smallest * DGFEM_R(0.99))
@@ -3609,8 +3883,9 @@ DGFEM_API dgfem_status dgfem_shell_is_stable(dgfem_shell *shell, int *stable) {
 /* ==== step.c ====================================================================================================== */
 
 /* Implicit Euler: one step solves, for the velocities v at its end,
-     (1 + h alpha) M v + h (f_int(x + h v) + beta K v - F_ext - F_contact) = M v0,   x+ = x + h v,
-   by Newton's method. Contact acts at the nodes. */
+     (1 + h alpha) M v + h (f_int(x + h v) + f_damp - F_ext - F_contact) = M v0,   x+ = x + h v,
+   by Newton's method. Stiffness damping f_damp is the force of the stresses beta C (strain+ - strain) / h, about
+   beta K v. Contact acts at the nodes. */
 
 /* ---- contact ----
 
@@ -3752,7 +4027,6 @@ static int dgfem_shelli_step_residual(const dgfem_shell *shell, dgfem_real h, co
     dgfem_vec3 *force = dgfem_shelli_vector(shell, DGFEM_SHELLI_FORCE);
     dgfem_vec3 *gain = dgfem_shelli_vector(shell, DGFEM_SHELLI_MOTION);
     dgfem_vec3 *momentum = dgfem_shelli_vector(shell, DGFEM_SHELLI_RHS);
-    const dgfem_vec3 *damped = shell->desc.damping_stiffness > 0 ? v : NULL;
     for (int i = 0; i < shell->node_count; i++) x[i] = dgfem_shelli_axpy(shell->position[i], h, v[i]);
     for (int i = 0; i < shell->node_count; i++) gain[i] = dgfem_shelli_sub(v[i], shell->velocity[i]);
     memset(force, 0, dgfem_shelli_bytes(shell));
@@ -3760,13 +4034,12 @@ static int dgfem_shelli_step_residual(const dgfem_shell *shell, dgfem_real h, co
     memset(r, 0, dgfem_shelli_bytes(shell));
     dgfem_shelli_add_external(shell, x, !shell->desc.consistent_mass, h, force);
     int contacts = dgfem_shelli_add_contact(shell, x, v, h, force);
-    (void)dgfem_shelli_add_internal(shell, x, damped, h, r);
+    (void)dgfem_shelli_add_internal(shell, x, shell->desc.damping_stiffness / h, h, r);
     dgfem_shelli_add_momentum(shell, 1, gain, momentum);
     *scale = dgfem_shelli_max(dgfem_shelli_length(shell, force), dgfem_shelli_length(shell, r));
     *scale = dgfem_shelli_max(*scale, dgfem_shelli_length(shell, momentum));
     dgfem_shelli_add_momentum(shell, h * shell->desc.damping_mass, v, momentum);
-    for (int i = 0; i < shell->node_count; i++)
-        r[i] = dgfem_shelli_sub(dgfem_shelli_sub(force[i], r[i]), momentum[i]);
+    for (int i = 0; i < shell->node_count; i++) r[i] = dgfem_shelli_sub(dgfem_shelli_sub(force[i], r[i]), momentum[i]);
     dgfem_shelli_hold_vector(shell, r);
     return contacts;
 }
@@ -3859,6 +4132,7 @@ static dgfem_status dgfem_shelli_step(dgfem_shell *shell, dgfem_real h, dgfem_sh
     dgfem_vec3 *r = dgfem_shelli_vector(shell, DGFEM_SHELLI_RESIDUAL);
     dgfem_real scale, extent = dgfem_shelli_extent(shell);
     (void)dgfem_shelli_collect_held(shell);
+    if (shell->desc.damping_stiffness > 0) dgfem_shelli_keep_strains(shell);
     memcpy(v, shell->velocity, dgfem_shelli_bytes(shell));
     dgfem_shelli_hold_velocities(shell, h, v);
     info->contacts = dgfem_shelli_step_residual(shell, h, v, x, r, &scale);
@@ -4018,7 +4292,7 @@ DGFEM_API dgfem_status dgfem_shell_strain_at(const dgfem_shell *shell, int eleme
 DGFEM_API dgfem_status dgfem_shell_internal_force(const dgfem_shell *shell, dgfem_vec3 *out) {
     if (!shell || !out) return DGFEM_ERROR_ARGUMENT;
     memset(out, 0, dgfem_shelli_bytes(shell));
-    (void)dgfem_shelli_add_internal(shell, shell->position, NULL, 1, out);
+    (void)dgfem_shelli_add_internal(shell, shell->position, 0, 1, out);
     return DGFEM_OK;
 }
 
@@ -4085,7 +4359,7 @@ static dgfem_shelli_motion dgfem_shelli_total_motion(const dgfem_shell *shell) {
 DGFEM_API dgfem_status dgfem_shell_energy(const dgfem_shell *shell, dgfem_energy *out) {
     if (!shell || !out) return DGFEM_ERROR_ARGUMENT;
     memset(out, 0, sizeof *out);
-    out->elastic = dgfem_shelli_add_internal(shell, shell->position, NULL, 1, NULL);
+    out->elastic = dgfem_shelli_add_internal(shell, shell->position, 0, 1, NULL);
     out->kinetic = dgfem_shelli_total_motion(shell).kinetic;
     const dgfem_real *weight = shell->desc.consistent_mass ? shell->node_load : shell->node_mass;
     for (int i = 0; i < shell->node_count; i++)
@@ -4144,6 +4418,8 @@ typedef struct dgfem_shelli_edit {
     int *on_edge;   /* [node_capacity] of a new node: the old edge that it lies on, or DGFEM_NONE */
     int *edge_from; /* [node_capacity] of a middle node: the old edge that its edge is (a part of), or DGFEM_NONE */
     char *joint;    /* [node_capacity] of a middle node: what becomes of its edge */
+    int *moved_to;  /* [old nodes] of a middle node whose edge was split: the new middle node of the part it was on */
+    char *to_crossing; /* [old nodes] and whether the crossing is nearer to where it was than that */
 } dgfem_shelli_edit;
 
 static dgfem_status dgfem_shelli_edit_begin(dgfem_shelli_edit *edit, const dgfem_shell *shell, int elements,
@@ -4165,8 +4441,10 @@ static dgfem_status dgfem_shelli_edit_begin(dgfem_shelli_edit *edit, const dgfem
     edit->parent = (int *)dgfem_shelli_take(&edit->scratch, n, sizeof(int));
     edit->edge_from = (int *)dgfem_shelli_take(&edit->scratch, n, sizeof(int));
     edit->joint = (char *)dgfem_shelli_take(&edit->scratch, n, 1);
+    edit->moved_to = (int *)dgfem_shelli_take(&edit->scratch, (size_t)shell->node_count, sizeof(int));
+    edit->to_crossing = (char *)dgfem_shelli_take(&edit->scratch, (size_t)shell->node_count, 1);
     if (!edit->elements || !edit->rest || !edit->position || !edit->velocity || !edit->parent || !edit->edge_from ||
-        !edit->joint || !edit->element_from || !edit->on_edge)
+        !edit->joint || !edit->element_from || !edit->on_edge || !edit->moved_to || !edit->to_crossing)
         return DGFEM_ERROR_MEMORY;
     memcpy(edit->elements, shell->elements, (size_t)shell->element_count * sizeof *edit->elements);
     memcpy(edit->rest, shell->rest, dgfem_shelli_bytes(shell));
@@ -4176,6 +4454,7 @@ static dgfem_status dgfem_shelli_edit_begin(dgfem_shelli_edit *edit, const dgfem
         edit->parent[i] = i < shell->node_count ? i : DGFEM_NONE;
         edit->edge_from[i] = edit->on_edge[i] = DGFEM_NONE;
     }
+    for (int i = 0; i < shell->node_count; i++) edit->moved_to[i] = DGFEM_NONE;
     for (int e = 0; e < shell->element_count; e++) edit->element_from[e] = e;
     for (int i = 0; i < shell->edge_count; i++) {
         edit->edge_from[shell->edges[i].node[2]] = i;
@@ -4265,52 +4544,151 @@ static int dgfem_shelli_edit_separate(dgfem_shelli_edit *edit) {
 
 /* ---- the new topology ---- */
 
-/* Whether item i of the new topology belongs to a condition whose old items are marked. Fixtures hold all copies of
-   their nodes, and what is new on edges all of whose nodes they hold; forces and pins stay with the node's number. */
-static int dgfem_shelli_belongs(const dgfem_shelli_edit *edit, const dgfem_shell *next,
-                                const dgfem_shell_condition *condition, const char *mark, int i) {
-    if (condition->kind == DGFEM_SHELL_CONDITION_FIX) {
-        if (edit->parent[i] != DGFEM_NONE) return mark[edit->parent[i]];
-        if (edit->on_edge[i] == DGFEM_NONE) return 0;
-        const int *node = edit->old->edges[edit->on_edge[i]].node;
-        return mark[node[0]] && mark[node[1]] && mark[node[2]];
-    }
-    if (condition->kind == DGFEM_SHELL_CONDITION_FORCE || condition->kind == DGFEM_SHELL_CONDITION_PIN)
-        return i < edit->old->node_count && mark[i];
-    if (condition->kind == DGFEM_SHELL_CONDITION_PRESSURE) return mark[edit->element_from[i]];
-    int from = edit->edge_from[next->edges[i].node[2]];
-    return from != DGFEM_NONE && mark[from];
+/* For each old item the new ones that come from it: list[start[i]] .. list[start[i + 1] - 1]. */
+typedef struct dgfem_shelli_heirs {
+    int *start, *list;
+} dgfem_shelli_heirs;
+
+/* from[i]: the old item that the new item i comes from, or DGFEM_NONE. */
+static int dgfem_shelli_heirs_make(dgfem_shelli_scratch *scratch, const int *from, int count, int old_count,
+                                   dgfem_shelli_heirs *out) {
+    out->start = (int *)dgfem_shelli_take(scratch, (size_t)old_count + 2, sizeof(int));
+    out->list = (int *)dgfem_shelli_take(scratch, (size_t)count, sizeof(int));
+    if (!out->start || !out->list) return 0;
+    int *next = out->start + 1; /* becomes the start once its items are in */
+    for (int i = 0; i < count; i++)
+        if (from[i] != DGFEM_NONE) out->start[from[i] + 2]++;
+    for (int i = 0; i < old_count; i++) next[i + 1] += next[i];
+    for (int i = 0; i < count; i++)
+        if (from[i] != DGFEM_NONE) out->list[next[from[i]]++] = i;
+    return 1;
 }
 
-static dgfem_status dgfem_shelli_renew_condition(const dgfem_shelli_edit *edit, const dgfem_shell *next,
-                                                 const dgfem_shell_condition *old, char *mark,
+/* What the conditions of a new topology are found by. */
+typedef struct dgfem_shelli_renewal {
+    const dgfem_shelli_edit *edit;
+    const dgfem_shell *next;
+    dgfem_shelli_heirs nodes, on_edge, edges, elements; /* copies of nodes; new nodes on edges; and parts */
+    int *load_node;                                     /* [old nodes] where forces and pins go */
+    int *edge_of;                                       /* [old nodes] of middle nodes: the edge, or DGFEM_NONE */
+    char *mark;                                         /* [old nodes] all 0 between uses */
+} dgfem_shelli_renewal;
+
+/* Forces and pins stay with the node's number. A middle node that has moved to a crossing passes them on to the nearest
+   node on its own side of it. */
+static void dgfem_shelli_find_load_nodes(const dgfem_shelli_renewal *renewal) {
+    const dgfem_shelli_edit *edit = renewal->edit;
+    for (int i = 0; i < edit->old->node_count; i++) renewal->load_node[i] = i;
+    for (int i = 0; i < renewal->next->edge_count; i++) {
+        const int *node = renewal->next->edges[i].node;
+        if (edit->on_edge[node[2]] == DGFEM_NONE || edit->edge_from[node[2]] == DGFEM_NONE) continue;
+        int middle = edit->old->edges[edit->edge_from[node[2]]].node[2];
+        if (edit->moved_to[middle] != node[2]) continue;
+        renewal->load_node[middle] = node[2];
+        for (int a = 0; a < 2; a++)
+            if (edit->to_crossing[middle] && edit->parent[node[a]] == middle) renewal->load_node[middle] = node[a];
+    }
+}
+
+static int dgfem_shelli_renewal_make(dgfem_shelli_renewal *renewal, dgfem_shelli_edit *edit, const dgfem_shell *next) {
+    const dgfem_shell *old = edit->old;
+    dgfem_shelli_scratch *scratch = &edit->scratch;
+    renewal->edit = edit;
+    renewal->next = next;
+    int *from = (int *)dgfem_shelli_take(scratch, (size_t)next->edge_count, sizeof(int));
+    renewal->load_node = (int *)dgfem_shelli_take(scratch, (size_t)old->node_count, sizeof(int));
+    renewal->edge_of = (int *)dgfem_shelli_take(scratch, (size_t)old->node_count, sizeof(int));
+    renewal->mark = (char *)dgfem_shelli_take(scratch, (size_t)old->node_count, 1);
+    if (!from || !renewal->load_node || !renewal->edge_of || !renewal->mark) return 0;
+    for (int i = 0; i < next->edge_count; i++) from[i] = edit->edge_from[next->edges[i].node[2]];
+    for (int i = 0; i < old->node_count; i++) renewal->edge_of[i] = DGFEM_NONE;
+    for (int i = 0; i < old->edge_count; i++) renewal->edge_of[old->edges[i].node[2]] = i;
+    dgfem_shelli_find_load_nodes(renewal);
+    return dgfem_shelli_heirs_make(scratch, edit->parent, next->node_count, old->node_count, &renewal->nodes) &&
+           dgfem_shelli_heirs_make(scratch, edit->on_edge, next->node_count, old->edge_count, &renewal->on_edge) &&
+           dgfem_shelli_heirs_make(scratch, from, next->edge_count, old->edge_count, &renewal->edges) &&
+           dgfem_shelli_heirs_make(scratch, edit->element_from, next->element_count, old->element_count,
+                                   &renewal->elements);
+}
+
+/* Writes the heirs of an item, unless out is NULL. Returns how many there are. */
+static int dgfem_shelli_pass_on(const dgfem_shelli_heirs *heirs, int item, int *out) {
+    int count = heirs->start[item + 1] - heirs->start[item];
+    if (out && count) memcpy(out, heirs->list + heirs->start[item], (size_t)count * sizeof(int));
+    return count;
+}
+
+/* Fixtures hold all copies of their nodes, and what is new on edges all of whose nodes they hold. */
+static int dgfem_shelli_pass_fixture(const dgfem_shelli_renewal *renewal, const char *mark, int item, int *out) {
+    int edge = renewal->edge_of[item], count = dgfem_shelli_pass_on(&renewal->nodes, item, out);
+    if (edge == DGFEM_NONE) return count;
+    const int *node = renewal->edit->old->edges[edge].node;
+    if (!mark[node[0]] || !mark[node[1]]) return count;
+    return count + dgfem_shelli_pass_on(&renewal->on_edge, edge, out ? out + count : NULL);
+}
+
+/* One of the two sides of an edge that came apart keeps its load. */
+static int dgfem_shelli_pass_line_load(const dgfem_shelli_renewal *renewal, int item, int *out) {
+    int count = 0;
+    for (int i = renewal->edges.start[item]; i < renewal->edges.start[item + 1]; i++) {
+        int edge = renewal->edges.list[i], middle = renewal->next->edges[edge].node[2];
+        int parent = renewal->edit->parent[middle];
+        if (parent != DGFEM_NONE && parent != middle) continue;
+        if (out) out[count] = edge;
+        count++;
+    }
+    return count;
+}
+
+/* The items of a condition in the new topology. Returns their number; out may be NULL. */
+static int dgfem_shelli_renew_items(const dgfem_shelli_renewal *renewal, const dgfem_shell_condition *old,
+                                    const char *mark, int *out) {
+    int count = 0;
+    for (int i = 0; i < old->count; i++) {
+        int item = old->items[i], *to = out ? out + count : NULL;
+        switch (old->kind) {
+        case DGFEM_SHELL_CONDITION_FIX: count += dgfem_shelli_pass_fixture(renewal, mark, item, to); break;
+        case DGFEM_SHELL_CONDITION_FORCE:
+        case DGFEM_SHELL_CONDITION_PIN:
+            if (to) *to = renewal->load_node[item];
+            count++;
+            break;
+        case DGFEM_SHELL_CONDITION_PRESSURE: count += dgfem_shelli_pass_on(&renewal->elements, item, to); break;
+        case DGFEM_SHELL_CONDITION_LINE_LOAD: count += dgfem_shelli_pass_line_load(renewal, item, to); break;
+        default: count += dgfem_shelli_pass_on(&renewal->edges, item, to);
+        }
+    }
+    return count;
+}
+
+static dgfem_status dgfem_shelli_renew_condition(const dgfem_shelli_renewal *renewal, const dgfem_shell_condition *old,
                                                  dgfem_shell_condition *out) {
-    int nodal = old->kind == DGFEM_SHELL_CONDITION_FIX || old->kind == DGFEM_SHELL_CONDITION_FORCE ||
-                old->kind == DGFEM_SHELL_CONDITION_PIN;
-    int limit = nodal                                         ? next->node_count
-                : old->kind == DGFEM_SHELL_CONDITION_PRESSURE ? next->element_count
-                                                              : next->edge_count;
+    int fixture = old->kind == DGFEM_SHELL_CONDITION_FIX;
     *out = *old;
-    out->count = 0;
-    for (int i = 0; i < old->count; i++) mark[old->items[i]] = 1;
-    for (int i = 0; i < limit; i++) out->count += dgfem_shelli_belongs(edit, next, old, mark, i);
-    out->items = (int *)dgfem_shelli_allocate(&next->hooks, (size_t)out->count, sizeof(int));
-    for (int i = 0, k = 0; out->items && i < limit; i++)
-        if (dgfem_shelli_belongs(edit, next, old, mark, i)) out->items[k++] = i;
-    for (int i = 0; i < old->count; i++) mark[old->items[i]] = 0;
-    return out->items ? DGFEM_OK : DGFEM_ERROR_MEMORY;
+    for (int i = 0; fixture && i < old->count; i++) renewal->mark[old->items[i]] = 1;
+    out->count = dgfem_shelli_renew_items(renewal, old, renewal->mark, NULL);
+    out->items = (int *)dgfem_shelli_allocate(&renewal->next->hooks, (size_t)out->count, sizeof(int));
+    if (out->items) (void)dgfem_shelli_renew_items(renewal, old, renewal->mark, out->items);
+    for (int i = 0; fixture && i < old->count; i++) renewal->mark[old->items[i]] = 0;
+    if (!out->items) return DGFEM_ERROR_MEMORY;
+    if (old->kind == DGFEM_SHELL_CONDITION_PIN) { /* its place goes with its node */
+        dgfem_vec3 moved =
+            dgfem_shelli_sub(renewal->next->position[out->items[0]], renewal->edit->old->position[old->items[0]]);
+        out->vector = dgfem_shelli_add(out->vector, moved);
+        out->vector_before = dgfem_shelli_add(out->vector_before, moved);
+    }
+    return DGFEM_OK;
 }
 
 static dgfem_status dgfem_shelli_renew_conditions(dgfem_shelli_edit *edit, dgfem_shell *next) {
     const dgfem_shell *old = edit->old;
-    size_t items = (size_t)old->node_count + (size_t)old->edge_count + (size_t)old->element_count;
-    char *mark = (char *)dgfem_shelli_take(&edit->scratch, items, 1);
+    dgfem_shelli_renewal renewal;
     next->condition_count = 0;
     next->conditions = (dgfem_shell_condition *)dgfem_shelli_allocate(&next->hooks, (size_t)old->condition_capacity,
                                                                       sizeof *next->conditions);
-    if (!mark || !next->conditions) return DGFEM_ERROR_MEMORY;
+    if (!next->conditions || !dgfem_shelli_renewal_make(&renewal, edit, next)) return DGFEM_ERROR_MEMORY;
     for (int c = 0; c < old->condition_count; c++) {
-        dgfem_status status = dgfem_shelli_renew_condition(edit, next, &old->conditions[c], mark, &next->conditions[c]);
+        dgfem_status status = dgfem_shelli_renew_condition(&renewal, &old->conditions[c], &next->conditions[c]);
         if (status) return status;
         next->condition_count++;
     }
@@ -4325,8 +4703,7 @@ static void dgfem_shelli_free_conditions(dgfem_shell *shell) {
 static dgfem_status dgfem_shelli_edit_build(dgfem_shelli_edit *edit, dgfem_shell *next) {
     next->element_count = edit->element_count;
     next->node_count = edit->node_count;
-    if (!dgfem_shelli_allocate_elements(next) || !dgfem_shelli_allocate_nodes(next))
-        return DGFEM_ERROR_MEMORY;
+    if (!dgfem_shelli_allocate_elements(next) || !dgfem_shelli_allocate_nodes(next)) return DGFEM_ERROR_MEMORY;
     memcpy(next->elements, edit->elements, (size_t)next->element_count * sizeof *next->elements);
     memcpy(next->rest, edit->rest, dgfem_shelli_bytes(next));
     memcpy(next->position, edit->position, dgfem_shelli_bytes(next));
@@ -4552,6 +4929,8 @@ static void dgfem_shelli_split_edge(dgfem_shelli_splitter *s, int index) {
         edit->joint[node] = (char)edge->joint;
         s->half[2 * index + k] = node;
     }
+    edit->moved_to[edge->node[2]] = s->half[2 * index + (t < DGFEM_R(0.5))];
+    edit->to_crossing[edge->node[2]] = 3 * t >= 1 && 3 * t <= 2; /* nearer than the middle of the part */
     edit->edge_from[edge->node[2]] = DGFEM_NONE;
     edit->joint[edge->node[2]] = DGFEM_SHELL_GLUED;
 }
@@ -4756,8 +5135,7 @@ static dgfem_status dgfem_shelli_cut_elements(dgfem_shelli_splitter *s, dgfem_sh
     s->cut = (char *)dgfem_shelli_take(scratch, elements, 1);
     s->crossing = (dgfem_real *)dgfem_shelli_take(scratch, edges, sizeof(dgfem_real));
     s->half = (int *)dgfem_shelli_take(scratch, 2 * edges, sizeof(int));
-    if (!touched || !s->distance || !s->side || !s->cut || !s->crossing || !s->half)
-        return DGFEM_ERROR_MEMORY;
+    if (!touched || !s->distance || !s->side || !s->cut || !s->crossing || !s->half) return DGFEM_ERROR_MEMORY;
     edit->old = shell;
     dgfem_shelli_classify(s);
     int count = dgfem_shelli_mark_elements(s, shell, touched);
@@ -4950,6 +5328,19 @@ static void dgfem_shelli_add_rims(dgfem_shell_surface *surface, const dgfem_shel
     }
 }
 
+/* Whether the numbers of triangles' corners and of lattice points, on all sheets, are ints. */
+static int dgfem_shelli_surface_fits(const dgfem_shell *shell, const dgfem_shell_surface_desc *desc) {
+    const size_t sheets = (size_t)desc->sides, m = (size_t)desc->subdivision, limit = INT_MAX;
+    size_t points = 0, corners = 0;
+    for (int e = 0; e < shell->element_count; e++) {
+        int nodes = shell->elements[e].node_count;
+        points += sheets * (size_t)dgfem_shelli_lattice_size(nodes, desc->subdivision);
+        corners += 3 * sheets * m * m * (nodes == 8 ? 2 : 1) + 6 * m * (size_t)nodes / 2;
+        if (points > limit || corners > limit) return 0;
+    }
+    return 1;
+}
+
 static int dgfem_shelli_surface_build(dgfem_shell_surface *surface, const dgfem_shell *shell) {
     const dgfem_hooks *hooks = &surface->hooks;
     dgfem_shelli_scratch scratch = dgfem_shelli_scratch_make(hooks);
@@ -4996,6 +5387,10 @@ DGFEM_API dgfem_status dgfem_shell_surface_create(const dgfem_shell *shell, cons
     if (desc->subdivision < 1 || desc->subdivision > 64 || desc->sides < 1 || desc->sides > 2)
         return dgfem_shelli_fail(&desc->hooks, DGFEM_ERROR_ARGUMENT, "surface: subdivision %d, sides %d",
                                  desc->subdivision, desc->sides);
+    if (!dgfem_shelli_surface_fits(shell, desc))
+        return dgfem_shelli_fail(&desc->hooks, DGFEM_ERROR_ARGUMENT,
+                                 "surface: %d elements with subdivision %d give more triangles than an int can count",
+                                 shell->element_count, desc->subdivision);
     dgfem_shell_surface *surface = (dgfem_shell_surface *)dgfem_shelli_allocate(&desc->hooks, 1, sizeof *surface);
     if (!surface) return dgfem_shelli_fail_memory(&desc->hooks);
     surface->hooks = desc->hooks;
@@ -5077,8 +5472,8 @@ DGFEM_API dgfem_status dgfem_shell_surface_update(dgfem_shell_surface *surface, 
 
    Permission is hereby granted, free of charge, to any person obtaining a copy of this software and associated
    documentation files (the "Software"), to deal in the Software without restriction, including without limitation the
-   rights to use, copy, modify, merge, publish, distribute, sublicense, and/or sell copies of the Software, and to permit
-   persons to whom the Software is furnished to do so, subject to the following conditions:
+   rights to use, copy, modify, merge, publish, distribute, sublicense, and/or sell copies of the Software, and to
+   permit persons to whom the Software is furnished to do so, subject to the following conditions:
 
    The above copyright notice and this permission notice shall be included in all copies or substantial portions of the
    Software.

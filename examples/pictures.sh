@@ -73,7 +73,7 @@ shells() {
     mkdir -p build/pictures/shells
     build/examples/shell_buckling --out build/pictures/shells > build/pictures/shells/buckling.txt || return 1
     build/examples/shell_sheet --out build/pictures/shells > build/pictures/shells/sheet.txt || return 1
-    build/examples/shell_sheet --can --out build/pictures/shells > build/pictures/shells/can.txt || return 1
+    build/examples/shell_can --out build/pictures/shells > build/pictures/shells/can.txt || return 1
     shell build/pictures/shells/buckling_0005.obj examples/pictures/shell_buckling.png 25 12 || return 1
     shell build/pictures/shells/sheet_0013.obj examples/pictures/shell_sheet.png 60 10 || return 1
     shell build/pictures/shells/can_0010.obj examples/pictures/shell_can.png 25 20 || return 1

@@ -44,6 +44,7 @@ typedef struct dgfem_shell_edge {
     int element[2]; /* element[1] is DGFEM_NONE on the boundary */
     int side[2];    /* of each element */
     dgfem_shell_joint joint;
+    int loop;                           /* of the boundary, as dgfem_shell_boundary counts them; inside DGFEM_NONE */
     int support;                        /* index of the condition that holds its rotation, or DGFEM_NONE */
     dgfem_real moment, follower_moment; /* sum of the conditions' moments per length, N */
 } dgfem_shell_edge;
@@ -70,7 +71,7 @@ typedef struct dgfem_shell_desc {
     dgfem_real eta_triangle;         /* the same for triangles; default 1. Where both meet, the larger counts. */
     dgfem_vec3 gravity;              /* default 0 0 -9.81 m/s^2 */
     dgfem_real damping_mass;         /* Rayleigh alpha, 1/s; default 0 */
-    dgfem_real damping_stiffness;    /* Rayleigh beta, s; default 0 */
+    dgfem_real damping_stiffness;    /* Rayleigh beta, s; default 0. Nothing that moves rigidly is damped by it. */
     int corotational;                /* 1 (default): large rotations; 0: linear shell */
     int consistent_mass;       /* 0 (default): lumped, in proportion to the integral of N^2 (HRZ); 1: consistent */
     int step_iterations;       /* Newton iterations of a time step at most; default 4 */
@@ -106,7 +107,7 @@ typedef struct dgfem_shell_condition {
     int *items;               /* nodes, edges or elements, as the kind says */
     int axes;                 /* FIX */
     int follower;             /* MOMENT, PRESSURE: 1 when the load turns with the shell */
-    dgfem_vec3 vector;        /* displacement, normal of the plane, translation, line load, force, place */
+    dgfem_vec3 vector;        /* displacement, normal of the plane, translation, line load, force, place of a pin */
     dgfem_real scalar;        /* angle, moment, pressure, stiffness */
     dgfem_mat3 rotation;      /* CLAMP */
     dgfem_vec3 vector_before; /* what the last static solve or step ended with: where the next static solve begins */
@@ -155,7 +156,7 @@ typedef struct dgfem_shell_info {
 
 typedef struct dgfem_shell_static_desc {
     unsigned cookie;
-    int load_steps;        /* loads and prescribed motions are applied in this many equal parts; default 1 */
+    int load_steps;        /* loads, motions and turns of supports are applied in this many equal parts; default 1 */
     int max_halvings;      /* how often a part that fails may be halved; default 6 */
     int max_iterations;    /* of Newton per part; default 40 */
     dgfem_real tolerance;  /* residual relative to the forces; default 1e-8 (float: 1e-3) */
@@ -178,8 +179,9 @@ DGFEM_API void dgfem_shell_destroy(dgfem_shell *shell);
    edge_count edges and edge_count + 1 starts always suffices. */
 DGFEM_API int dgfem_shell_boundary(const dgfem_shell *shell, int *edges, int *loop_start);
 
-/* Indices of all boundary edges (nodes) whose three nodes (which) lie within `tolerance` of the plane (unit normal) at
-   rest. Writes at most `capacity`; returns the number there are. */
+/* What lies within `tolerance` of a plane (unit normal) at rest: of the edges those on the boundary, all three of whose
+   nodes do; of the nodes all, inside the shell too. Writes at most `capacity` indices (none where the array is NULL);
+   returns the number there are. */
 DGFEM_API int dgfem_shell_edges_on_plane(const dgfem_shell *shell, dgfem_plane plane, dgfem_real tolerance, int *edges,
                                          int capacity);
 DGFEM_API int dgfem_shell_nodes_on_plane(const dgfem_shell *shell, dgfem_plane plane, dgfem_real tolerance, int *nodes,
@@ -188,7 +190,12 @@ DGFEM_API int dgfem_shell_nodes_on_plane(const dgfem_shell *shell, dgfem_plane p
 /* The node whose current position is the nearest to x. */
 DGFEM_API int dgfem_shell_nearest_node(const dgfem_shell *shell, dgfem_vec3 x);
 
-/* ---- conditions: *id (may be NULL) names the new one ---- */
+/* ---- conditions ----
+
+   Each of these functions adds a condition, those called set_... too, as in dgfem.h: what several say about the same
+   nodes, edges or elements is added up, except that an edge's rotation is held by one at most and nodes by whichever
+   came first. *id (may be NULL) names the new one; under it the condition is moved, changed or removed. What is moved
+   or changed takes effect with the next step, at once, or along the path of the next static solve. */
 
 /* Gives the displacement of nodes from rest along the axes (DGFEM_SHELL_X + ...), exactly. Nothing else makes a simple
    support, or (with the axes of its plane) a rigid diaphragm. */
@@ -198,12 +205,14 @@ DGFEM_API dgfem_status dgfem_shell_fix_nodes(dgfem_shell *shell, const int *node
 DGFEM_API dgfem_status dgfem_shell_fix_symmetry(dgfem_shell *shell, const int *edges, int count, dgfem_vec3 normal,
                                                 int *id);
 /* Clamps boundary edges: nodes are held exactly, normals weakly, in a rigid motion x = rotation X + translation that is
-   the identity until dgfem_shell_move_clamp changes it (by less than a right angle at a time). */
+   the identity until dgfem_shell_move_clamp changes it. A static solve takes it from the one placement to the other by
+   a screw motion, the shorter way round: more than half a turn needs several solves. */
 DGFEM_API dgfem_status dgfem_shell_clamp(dgfem_shell *shell, const int *edges, int count, int *id);
 /* Gives, weakly, the rotation of the normal about boundary edges; counter-clockwise about the edge as the element runs
    through it, which tilts the normal outward. Nodes stay free. Without large rotations of the edge itself. */
 DGFEM_API dgfem_status dgfem_shell_fix_rotation(dgfem_shell *shell, const int *edges, int count, dgfem_real angle,
                                                 int *id);
+/* Move fixed nodes, clamps and given rotations. */
 DGFEM_API dgfem_status dgfem_shell_move_fixture(dgfem_shell *shell, int id, dgfem_vec3 displacement);
 DGFEM_API dgfem_status dgfem_shell_move_clamp(dgfem_shell *shell, int id, dgfem_mat3 rotation, dgfem_vec3 translation);
 DGFEM_API dgfem_status dgfem_shell_turn_edges(dgfem_shell *shell, int id, dgfem_real angle);
@@ -219,7 +228,7 @@ DGFEM_API dgfem_status dgfem_shell_set_line_load(dgfem_shell *shell, const int *
    may be NULL: all. Without corotational nothing turns: followers, pressures and moments alike, act as dead loads. */
 DGFEM_API dgfem_status dgfem_shell_set_pressure(dgfem_shell *shell, const int *elements, int count, dgfem_real pressure,
                                                 int follower, int *id);
-/* Force (N) on each of the nodes. */
+/* Force (N) on each of the nodes; on one that is listed twice, twice. */
 DGFEM_API dgfem_status dgfem_shell_add_force(dgfem_shell *shell, const int *nodes, int count, dgfem_vec3 force,
                                              int *id);
 /* A spring (N/m) that pulls a node to where it is now; drag moves the place. */
@@ -230,11 +239,12 @@ DGFEM_API dgfem_status dgfem_shell_change_load(dgfem_shell *shell, int id, dgfem
 DGFEM_API dgfem_status dgfem_shell_set_gravity(dgfem_shell *shell, dgfem_vec3 gravity);
 DGFEM_API dgfem_status dgfem_shell_remove_condition(dgfem_shell *shell, int id);
 
-/* Contact shapes; *id (may be NULL) names it for dgfem_shell_move_shape. Every node keeps half the shell's thickness
-   from the shape, whichever side it turns to it. */
+/* Contact shapes; *id (may be NULL) names the new one, to be moved or removed. Every node keeps half the shell's
+   thickness from the shape, whichever side it turns to it. */
 DGFEM_API dgfem_status dgfem_shell_add_plane(dgfem_shell *shell, const dgfem_shape_desc *desc, int *id);
 DGFEM_API dgfem_status dgfem_shell_add_sphere(dgfem_shell *shell, const dgfem_shape_desc *desc, int *id);
 DGFEM_API dgfem_status dgfem_shell_move_shape(dgfem_shell *shell, int id, const dgfem_shape_desc *desc);
+DGFEM_API dgfem_status dgfem_shell_remove_shape(dgfem_shell *shell, int id);
 
 /* ---- motion ---- */
 
@@ -299,8 +309,8 @@ DGFEM_API dgfem_real dgfem_shell_area(const dgfem_shell *shell); /* at rest */
 /* ---- cutting ---- */
 
 /* Separates (DGFEM_SHELL_GAP) or unglues (DGFEM_SHELL_HINGE) interior edges, or glues hinges again (DGFEM_SHELL_GLUED).
-   Nodes around which elements fall apart are doubled; fixtures hold all copies, forces and pins stay with one. On
-   failure nothing has changed. */
+   Nodes around which elements fall apart are doubled; fixtures hold all copies, forces, pins and line loads stay with
+   one. On failure nothing has changed. */
 DGFEM_API dgfem_status dgfem_shell_cut_edges(dgfem_shell *shell, const int *edges, int count, dgfem_shell_joint joint);
 
 typedef struct dgfem_shell_cut_desc {
@@ -325,7 +335,9 @@ DGFEM_API dgfem_shell_cut_desc dgfem_default_shell_cut_desc(void);
 
 /* Cuts across elements: those that the plane crosses are split into triangles along it; their neighbours are split as
    far as conformity asks. Middle nodes are interpolated in the parent: triangles keep their geometry and state exactly,
-   quadrilaterals where they are flat parallelograms their geometry. On failure nothing has changed. */
+   quadrilaterals where they are flat parallelograms their geometry. The middle node of a side that is split becomes the
+   corner at the crossing, and takes with it what fixes it; a force or a pin on it goes to the nearest node on its own
+   side of the cut, the pin's place by as much. On failure nothing has changed. */
 DGFEM_API dgfem_status dgfem_shell_cut_plane(dgfem_shell *shell, const dgfem_shell_cut_desc *desc,
                                              dgfem_shell_cut_info *info);
 

@@ -198,6 +198,29 @@ static dgfem_mat3 dgfem_shelli_rotation(dgfem_vec3 axis, dgfem_real angle) {
     dgfem_shelli_add_outer(&r, 1 - c, axis, axis);
     return r;
 }
+/* Unit axis of a rotation, and its angle in [0, pi], from the quaternion: its largest component has all digits. The
+   axis of no rotation is zero. */
+static dgfem_vec3 dgfem_shelli_axis_of(const dgfem_mat3 *r, dgfem_real *angle) {
+    dgfem_real d[3], trace = r->m[0][0] + r->m[1][1] + r->m[2][2], v[3], w;
+    int i = 0;
+    for (int k = 0; k < 3; k++) d[k] = r->m[k][k];
+    for (int k = 1; k < 3; k++)
+        if (d[k] > d[i]) i = k;
+    int j = (i + 1) % 3, k = (i + 2) % 3;
+    if (trace > d[i]) { /* four times w (w, v); else four times v_i (w, v) */
+        w = 1 + trace;
+        for (int c = 0; c < 3; c++) v[c] = r->m[(c + 2) % 3][(c + 1) % 3] - r->m[(c + 1) % 3][(c + 2) % 3];
+    } else {
+        w = r->m[k][j] - r->m[j][k];
+        v[i] = 1 + 2 * d[i] - trace;
+        v[j] = r->m[i][j] + r->m[j][i];
+        v[k] = r->m[i][k] + r->m[k][i];
+    }
+    dgfem_vec3 axis = dgfem_shelli_vec3(v[0], v[1], v[2]);
+    if (w < 0) axis = dgfem_shelli_scale(-1, axis), w = -w;
+    *angle = (dgfem_real)(2 * atan2((double)dgfem_shelli_norm(axis), (double)w));
+    return dgfem_shelli_unit(axis);
+}
 static dgfem_real dgfem_shelli_determinant(const dgfem_mat3 *a) {
     dgfem_vec3 r[3];
     for (int i = 0; i < 3; i++) r[i] = dgfem_shelli_vec3(a->m[i][0], a->m[i][1], a->m[i][2]);

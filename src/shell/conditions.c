@@ -47,26 +47,29 @@ static void dgfem_shelli_settle(dgfem_shell *shell) {
     shell->gravity_before = shell->desc.gravity;
 }
 
-/* What the conditions say about each edge. */
+/* What condition number c says about its edges. */
+static void dgfem_shelli_mark_edges(dgfem_shell *shell, int c) {
+    const dgfem_shell_condition *condition = &shell->conditions[c];
+    for (int i = 0; i < condition->count; i++) {
+        if (condition->kind == DGFEM_SHELL_CONDITION_MOMENT) {
+            dgfem_shell_edge *edge = &shell->edges[condition->items[i]];
+            *(condition->follower ? &edge->follower_moment : &edge->moment) +=
+                dgfem_shelli_scalar_now(shell, condition);
+        } else if (condition->kind == DGFEM_SHELL_CONDITION_CLAMP ||
+                   condition->kind == DGFEM_SHELL_CONDITION_SYMMETRY ||
+                   condition->kind == DGFEM_SHELL_CONDITION_ROTATION) {
+            shell->edges[condition->items[i]].support = c;
+        }
+    }
+}
+
+/* What all conditions say. */
 static void dgfem_shelli_refresh_edges(dgfem_shell *shell) {
     for (int i = 0; i < shell->edge_count; i++) {
         shell->edges[i].support = DGFEM_NONE;
         shell->edges[i].moment = shell->edges[i].follower_moment = 0;
     }
-    for (int c = 0; c < shell->condition_count; c++) {
-        const dgfem_shell_condition *condition = &shell->conditions[c];
-        for (int i = 0; i < condition->count; i++) {
-            if (condition->kind == DGFEM_SHELL_CONDITION_MOMENT) {
-                dgfem_shell_edge *edge = &shell->edges[condition->items[i]];
-                *(condition->follower ? &edge->follower_moment : &edge->moment) +=
-                    dgfem_shelli_scalar_now(shell, condition);
-            } else if (condition->kind == DGFEM_SHELL_CONDITION_CLAMP ||
-                       condition->kind == DGFEM_SHELL_CONDITION_SYMMETRY ||
-                       condition->kind == DGFEM_SHELL_CONDITION_ROTATION) {
-                shell->edges[condition->items[i]].support = c;
-            }
-        }
-    }
+    for (int c = 0; c < shell->condition_count; c++) dgfem_shelli_mark_edges(shell, c);
 }
 
 /* Appends a condition of checked items; the caller fills in the rest of *added. */
@@ -139,7 +142,7 @@ DGFEM_API dgfem_status dgfem_shell_fix_symmetry(dgfem_shell *shell, const int *e
         status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_SYMMETRY, edges, count, id, &condition);
     if (status) return status;
     condition->vector = dgfem_shelli_unit(normal);
-    dgfem_shelli_refresh_edges(shell);
+    dgfem_shelli_mark_edges(shell, shell->condition_count - 1);
     return DGFEM_OK;
 }
 
@@ -148,7 +151,7 @@ DGFEM_API dgfem_status dgfem_shell_clamp(dgfem_shell *shell, const int *edges, i
     if (!shell) return DGFEM_ERROR_ARGUMENT;
     dgfem_status status = dgfem_shelli_check_boundary(shell, edges, count, 1);
     if (!status) status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_CLAMP, edges, count, id, &condition);
-    if (!status) dgfem_shelli_refresh_edges(shell);
+    if (!status) dgfem_shelli_mark_edges(shell, shell->condition_count - 1);
     return status;
 }
 
@@ -162,7 +165,7 @@ DGFEM_API dgfem_status dgfem_shell_fix_rotation(dgfem_shell *shell, const int *e
         status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_ROTATION, edges, count, id, &condition);
     if (status) return status;
     condition->scalar = angle;
-    dgfem_shelli_refresh_edges(shell);
+    dgfem_shelli_mark_edges(shell, shell->condition_count - 1);
     return DGFEM_OK;
 }
 
@@ -215,7 +218,7 @@ DGFEM_API dgfem_status dgfem_shell_set_moment(dgfem_shell *shell, const int *edg
     if (status) return status;
     condition->scalar = moment;
     condition->follower = follower != 0;
-    dgfem_shelli_refresh_edges(shell);
+    dgfem_shelli_mark_edges(shell, shell->condition_count - 1);
     return DGFEM_OK;
 }
 
@@ -382,13 +385,27 @@ DGFEM_API dgfem_status dgfem_shell_add_sphere(dgfem_shell *shell, const dgfem_sh
     return dgfem_shelli_add_shape(shell, DGFEM_SHAPE_SPHERE, desc, id);
 }
 
+/* Position of the shape of this id in the list, or DGFEM_NONE; that has its line in the log. */
+static int dgfem_shelli_find_shape(const dgfem_shell *shell, int id) {
+    for (int s = 0; s < shell->shape_count; s++)
+        if (shell->shapes[s].id == id) return s;
+    (void)dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_INDEX, "no shape has the id %d", id);
+    return DGFEM_NONE;
+}
+
 DGFEM_API dgfem_status dgfem_shell_move_shape(dgfem_shell *shell, int id, const dgfem_shape_desc *desc) {
     if (!shell) return DGFEM_ERROR_ARGUMENT;
-    for (int s = 0; s < shell->shape_count; s++) {
-        if (shell->shapes[s].id != id) continue;
-        dgfem_status status = dgfem_shelli_check_shape(shell, shell->shapes[s].kind, desc);
-        if (!status) shell->shapes[s].desc = *desc;
-        return status;
-    }
-    return dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_INDEX, "no shape has the id %d", id);
+    int s = dgfem_shelli_find_shape(shell, id);
+    if (s == DGFEM_NONE) return DGFEM_ERROR_INDEX;
+    dgfem_status status = dgfem_shelli_check_shape(shell, shell->shapes[s].kind, desc);
+    if (!status) shell->shapes[s].desc = *desc;
+    return status;
+}
+
+DGFEM_API dgfem_status dgfem_shell_remove_shape(dgfem_shell *shell, int id) {
+    if (!shell) return DGFEM_ERROR_ARGUMENT;
+    int s = dgfem_shelli_find_shape(shell, id);
+    if (s == DGFEM_NONE) return DGFEM_ERROR_INDEX;
+    memmove(shell->shapes + s, shell->shapes + s + 1, (size_t)(--shell->shape_count - s) * sizeof *shell->shapes);
+    return DGFEM_OK;
 }

@@ -170,21 +170,56 @@ static void dgfem_shelli_rotate_in_plane(const dgfem_shell *shell, const dgfem_s
 
 /* What a condition has come to on the path of a static solve; elsewhere simply its value. */
 static dgfem_real dgfem_shelli_scalar_now(const dgfem_shell *shell, const dgfem_shell_condition *condition) {
+    if (shell->system->part == 1) return condition->scalar;
     return condition->scalar_before + shell->system->part * (condition->scalar - condition->scalar_before);
 }
 static dgfem_vec3 dgfem_shelli_between(const dgfem_shell *shell, dgfem_vec3 before, dgfem_vec3 now) {
+    if (shell->system->part == 1) return now;
     return dgfem_shelli_axpy(before, shell->system->part, dgfem_shelli_sub(now, before));
 }
 static dgfem_vec3 dgfem_shelli_vector_now(const dgfem_shell *shell, const dgfem_shell_condition *condition) {
     return dgfem_shelli_between(shell, condition->vector_before, condition->vector);
 }
-static dgfem_mat3 dgfem_shelli_rotation_now(const dgfem_shell *shell, const dgfem_shell_condition *condition) {
-    dgfem_mat3 mean = condition->rotation_before;
-    if (shell->system->part == 1) return condition->rotation;
-    for (int i = 0; i < 9; i++)
-        mean.m[i / 3][i % 3] +=
-            shell->system->part * (condition->rotation.m[i / 3][i % 3] - condition->rotation_before.m[i / 3][i % 3]);
-    return dgfem_shelli_polar(&mean, &condition->rotation);
+
+/* A rigid motion x -> r x + t. */
+typedef struct dgfem_shelli_placement {
+    dgfem_mat3 r;
+    dgfem_vec3 t;
+} dgfem_shelli_placement;
+
+static dgfem_vec3 dgfem_shelli_place(const dgfem_shelli_placement *placement, dgfem_vec3 x) {
+    return dgfem_shelli_add(dgfem_shelli_multiply(&placement->r, x), placement->t);
+}
+
+static dgfem_shelli_placement dgfem_shelli_clamp_before(const dgfem_shell_condition *clamp) {
+    dgfem_shelli_placement before;
+    before.r = clamp->rotation_before, before.t = clamp->vector_before;
+    return before;
+}
+
+/* Where a clamp is at the present part s of the path: between two placements lies a screw motion, whatever origin they
+   are given from. With turn angle w about the axis a and move d = d_a + d_n (along and across the axis), the part s
+   turns by s w and moves by
+     s d_a + sin(s w / 2) / sin(w / 2) (cos v d_n + sin v (a x d_n)),  v = (s - 1) w / 2. */
+static dgfem_shelli_placement dgfem_shelli_clamp_now(const dgfem_shell *shell, const dgfem_shell_condition *clamp) {
+    dgfem_shelli_placement now = dgfem_shelli_clamp_before(clamp);
+    dgfem_real s = shell->system->part, angle;
+    if (s == 1) {
+        now.r = clamp->rotation, now.t = clamp->vector;
+        return now;
+    }
+    dgfem_mat3 back = dgfem_shelli_transposed(&now.r), turn = dgfem_shelli_multiply3(&clamp->rotation, &back);
+    dgfem_vec3 a = dgfem_shelli_axis_of(&turn, &angle);
+    dgfem_vec3 d = dgfem_shelli_sub(clamp->vector, dgfem_shelli_multiply(&turn, now.t));
+    dgfem_vec3 along = dgfem_shelli_scale(dgfem_shelli_dot(a, d), a), across = dgfem_shelli_sub(d, along);
+    double half = (double)angle / 2, v = ((double)s - 1) * half;
+    dgfem_real part = half > 0 ? (dgfem_real)(sin((double)s * half) / sin(half)) : s;
+    turn = dgfem_shelli_rotation(a, s * angle);
+    d = dgfem_shelli_axpy(dgfem_shelli_scale(s, along), part * (dgfem_real)cos(v), across);
+    d = dgfem_shelli_axpy(d, part * (dgfem_real)sin(v), dgfem_shelli_cross(a, across));
+    now.r = dgfem_shelli_multiply3(&turn, &now.r);
+    now.t = dgfem_shelli_add(dgfem_shelli_multiply(&turn, now.t), d);
+    return now;
 }
 
 /* R of a held boundary edge, and the tilt that it prescribes where rotations are not followed. */
@@ -193,7 +228,7 @@ static dgfem_real dgfem_shelli_rotate_support(const dgfem_shell *shell, const dg
                                               int spins, dgfem_shelli_kinematics *k) {
     if (spins) memset(k->spin, 0, (size_t)local->count * sizeof *k->spin);
     dgfem_mat3 turn = dgfem_shelli_identity();
-    if (condition->kind == DGFEM_SHELL_CONDITION_CLAMP) turn = dgfem_shelli_rotation_now(shell, condition);
+    if (condition->kind == DGFEM_SHELL_CONDITION_CLAMP) turn = dgfem_shelli_clamp_now(shell, condition).r;
     if (condition->kind == DGFEM_SHELL_CONDITION_ROTATION)
         turn = dgfem_shelli_rotation(point->f1,
                                      -dgfem_shelli_scalar_now(shell, condition)); /* f1 runs against the element */
@@ -278,42 +313,100 @@ static void dgfem_shelli_evaluate(const dgfem_shell *shell, const dgfem_shelli_g
 
 /* ---- internal force ---- */
 
-/* Adds the damping beta C S R^T v to a point's forces. */
-static void dgfem_shelli_add_damping(const dgfem_shell *shell, const dgfem_shelli_point *point,
-                                     const dgfem_shelli_local *local, const dgfem_vec3 *velocity,
-                                     dgfem_shelli_kinematics *k) {
-    const dgfem_real *s = shell->system->strains + point->strain_start;
-    dgfem_real rate[DGFEM_SHELLI_MAX_ROWS], stress[DGFEM_SHELLI_MAX_ROWS];
-    dgfem_vec3 v[DGFEM_SHELLI_MAX_GROUP], force[DGFEM_SHELLI_MAX_GROUP];
-    for (int a = 0; a < local->count; a++) v[a] = dgfem_shelli_multiply_transposed(&k->r, velocity[local->nodes[a]]);
-    for (int i = 0; i < k->rows; i++) rate[i] = dgfem_shelli_row_product(s + 3 * i * local->count, v, local->count);
-    dgfem_shelli_apply_stiffness(point, k->rows, rate, stress);
-    dgfem_shelli_point_forces(s, k->rows, stress, local->count, force);
-    for (int a = 0; a < local->count; a++)
-        k->force[a] = dgfem_shelli_axpy(k->force[a], shell->desc.damping_stiffness, force[a]);
+/* Strains of a point at the beginning of the step. */
+static dgfem_real *dgfem_shelli_strain_before(const dgfem_shell_system *system, const dgfem_shelli_point *point) {
+    return system->strain_before + DGFEM_SHELLI_MAX_ROWS * (size_t)(point - system->points);
 }
 
-/* out += factor * internal force at positions x, with stiffness damping where velocities are given; returns the elastic
-   energy. */
-static dgfem_real dgfem_shelli_add_internal(const dgfem_shell *shell, const dgfem_vec3 *x, const dgfem_vec3 *velocity,
-                                            dgfem_real factor, dgfem_vec3 *out) {
-    const dgfem_shell_system *system = shell->system;
+/* Keeps the strains of the current positions, supports where they were before. */
+static void dgfem_shelli_keep_strains(const dgfem_shell *shell) {
+    dgfem_shell_system *system = shell->system;
     dgfem_shelli_local local;
     dgfem_shelli_kinematics k;
-    dgfem_real energy = 0;
+    system->part = 0;
     for (int g = 0; g < system->group_count; g++) {
         const dgfem_shelli_group *group = &system->groups[g];
         if (!dgfem_shelli_group_acts(shell, group)) continue;
-        dgfem_shelli_local_take(shell, group, x, &local);
+        dgfem_shelli_local_take(shell, group, shell->position, &local);
         for (int q = 0; q < group->point_count; q++) {
-            dgfem_shelli_evaluate(shell, group, &system->points[group->point_start + q], &local, 0, &k);
-            for (int i = 0; i < k.rows; i++) energy += DGFEM_R(0.5) * k.strain[i] * k.stress[i];
-            if (velocity)
-                dgfem_shelli_add_damping(shell, &system->points[group->point_start + q], &local, velocity, &k);
-            for (int a = 0; out && a < local.count; a++) {
-                dgfem_vec3 *to = &out[local.nodes[a]];
-                *to = dgfem_shelli_axpy(*to, factor, dgfem_shelli_multiply(&k.r, k.force[a]));
-            }
+            const dgfem_shelli_point *point = &system->points[group->point_start + q];
+            dgfem_shelli_evaluate(shell, group, point, &local, 0, &k);
+            memcpy(dgfem_shelli_strain_before(system, point), k.strain, (size_t)k.rows * sizeof *k.strain);
+        }
+    }
+    system->part = 1;
+}
+
+/* Adds the damping C times `damping` = beta / h times what the strains have gained in the step of length h: nothing in
+   a rigid motion, however large, with its supports. */
+static void dgfem_shelli_add_damping(const dgfem_shell *shell, const dgfem_shelli_point *point, dgfem_real damping,
+                                     int count, dgfem_shelli_kinematics *k) {
+    const dgfem_real *before = dgfem_shelli_strain_before(shell->system, point);
+    dgfem_real gain[DGFEM_SHELLI_MAX_ROWS], stress[DGFEM_SHELLI_MAX_ROWS];
+    for (int i = 0; i < k->rows; i++) gain[i] = damping * (k->strain[i] - before[i]);
+    dgfem_shelli_apply_stiffness(point, k->rows, gain, stress);
+    for (int i = 0; i < k->rows; i++) stress[i] += k->stress[i];
+    dgfem_shelli_point_forces(shell->system->strains + point->strain_start, k->rows, stress, count, k->force);
+}
+
+/* Groups are evaluated in any order, each into memory of its own; sums are then taken in theirs. So results are the
+   same bits for any number of threads. */
+typedef struct dgfem_shelli_pass {
+    const dgfem_shell *shell;
+    const dgfem_vec3 *x;
+    dgfem_real damping; /* forces */
+    int spins, first;   /* tangents: the group of the first matrix */
+    dgfem_real frozen;
+} dgfem_shelli_pass;
+
+static void dgfem_shelli_run(const dgfem_hooks *hooks, int count, dgfem_range_fn fn, dgfem_shelli_pass *pass) {
+    enum { GRAIN = 8 };
+    if (hooks->parallel_for && count > GRAIN) hooks->parallel_for(hooks->parallel_for_user, count, GRAIN, fn, pass);
+    else fn(pass, 0, count);
+}
+
+static void dgfem_shelli_group_force(const dgfem_shelli_pass *pass, int g) {
+    const dgfem_shell_system *system = pass->shell->system;
+    const dgfem_shelli_group *group = &system->groups[g];
+    dgfem_vec3 *force = system->group_force + group->node_start;
+    dgfem_shelli_local local;
+    dgfem_shelli_kinematics k;
+    dgfem_real energy = 0;
+    memset(force, 0, (size_t)group->node_count * sizeof *force);
+    system->group_energy[g] = 0;
+    if (!dgfem_shelli_group_acts(pass->shell, group)) return;
+    dgfem_shelli_local_take(pass->shell, group, pass->x, &local);
+    for (int q = 0; q < group->point_count; q++) {
+        const dgfem_shelli_point *point = &system->points[group->point_start + q];
+        dgfem_shelli_evaluate(pass->shell, group, point, &local, 0, &k);
+        for (int i = 0; i < k.rows; i++) energy += DGFEM_R(0.5) * k.strain[i] * k.stress[i];
+        if (pass->damping > 0) dgfem_shelli_add_damping(pass->shell, point, pass->damping, local.count, &k);
+        for (int a = 0; a < local.count; a++)
+            force[a] = dgfem_shelli_add(force[a], dgfem_shelli_multiply(&k.r, k.force[a]));
+    }
+    system->group_energy[g] = energy;
+}
+
+static void dgfem_shelli_force_range(void *context, int first, int last) {
+    for (int g = first; g < last; g++) dgfem_shelli_group_force((const dgfem_shelli_pass *)context, g);
+}
+
+/* out += factor * internal force at positions x, with the given damping of the strains' gain; returns the elastic
+   energy. */
+static dgfem_real dgfem_shelli_add_internal(const dgfem_shell *shell, const dgfem_vec3 *x, dgfem_real damping,
+                                            dgfem_real factor, dgfem_vec3 *out) {
+    const dgfem_shell_system *system = shell->system;
+    dgfem_shelli_pass pass;
+    dgfem_real energy = 0;
+    memset(&pass, 0, sizeof pass);
+    pass.shell = shell, pass.x = x, pass.damping = damping;
+    dgfem_shelli_run(&shell->hooks, system->group_count, dgfem_shelli_force_range, &pass);
+    for (int g = 0; g < system->group_count; g++) {
+        const dgfem_shelli_group *group = &system->groups[g];
+        energy += system->group_energy[g];
+        for (int i = group->node_start; out && i < group->node_start + group->node_count; i++) {
+            dgfem_vec3 *to = &out[system->nodes[i]];
+            *to = dgfem_shelli_axpy(*to, factor, system->group_force[i]);
         }
     }
     return energy;
@@ -321,7 +414,7 @@ static dgfem_real dgfem_shelli_add_internal(const dgfem_shell *shell, const dgfe
 
 /* ---- tangent ---- */
 
-enum { DGFEM_SHELLI_MAX_WIDTH = 3 * DGFEM_SHELLI_MAX_GROUP, DGFEM_SHELLI_MAX_TERMS = DGFEM_SHELLI_MAX_ROWS + 3 };
+enum { DGFEM_SHELLI_MAX_TERMS = DGFEM_SHELLI_MAX_ROWS + 3 };
 
 /* S [y]x: what a spin does to the strains, rows x 3. */
 static void dgfem_shelli_spin_strains(const dgfem_real *s, int rows, const dgfem_vec3 *y, int count, dgfem_real *out) {
@@ -436,28 +529,50 @@ static void dgfem_shelli_scatter(const dgfem_shell_system *system, const dgfem_s
         }
 }
 
+/* The stiffness of a group, width x width. */
+static void dgfem_shelli_group_stiffness(const dgfem_shelli_pass *pass, int g, dgfem_real *dense) {
+    const dgfem_shell_system *system = pass->shell->system;
+    const dgfem_shelli_group *group = &system->groups[g];
+    dgfem_real left[DGFEM_SHELLI_MAX_TERMS * DGFEM_SHELLI_MAX_WIDTH];
+    dgfem_real right[DGFEM_SHELLI_MAX_TERMS * DGFEM_SHELLI_MAX_WIDTH];
+    dgfem_shelli_local local;
+    dgfem_shelli_kinematics k;
+    int width = 3 * group->node_count;
+    if (!dgfem_shelli_group_acts(pass->shell, group)) return;
+    dgfem_shelli_local_take(pass->shell, group, pass->x, &local);
+    memset(dense, 0, (size_t)(width * width) * sizeof *dense);
+    for (int q = 0; q < group->point_count; q++) {
+        const dgfem_shelli_point *point = &system->points[group->point_start + q];
+        dgfem_shelli_evaluate(pass->shell, group, point, &local, pass->spins, &k);
+        int terms =
+            dgfem_shelli_point_terms(pass->shell, point, &k, local.count, pass->spins, pass->frozen, left, right);
+        dgfem_shelli_add_products(left, right, terms, width, dense);
+    }
+}
+
+static void dgfem_shelli_stiffness_range(void *context, int first, int last) {
+    const dgfem_shelli_pass *pass = (const dgfem_shelli_pass *)context;
+    for (int i = first; i < last; i++)
+        dgfem_shelli_group_stiffness(pass, pass->first + i,
+                                     pass->shell->system->dense + (size_t)i * DGFEM_SHELLI_DENSE);
+}
+
 /* matrix += factor * K_frozen, or with spins the symmetric part of K_tangent, where the part of frozen rotations counts
    `frozen` times. */
 static void dgfem_shelli_assemble(const dgfem_shell *shell, const dgfem_vec3 *x, int spins, dgfem_real frozen,
                                   dgfem_real factor) {
     const dgfem_shell_system *system = shell->system;
-    dgfem_real left[DGFEM_SHELLI_MAX_TERMS * DGFEM_SHELLI_MAX_WIDTH];
-    dgfem_real right[DGFEM_SHELLI_MAX_TERMS * DGFEM_SHELLI_MAX_WIDTH];
-    dgfem_real dense[DGFEM_SHELLI_MAX_WIDTH * DGFEM_SHELLI_MAX_WIDTH];
-    dgfem_shelli_local local;
-    dgfem_shelli_kinematics k;
-    for (int g = 0; g < system->group_count; g++) {
-        const dgfem_shelli_group *group = &system->groups[g];
-        if (!dgfem_shelli_group_acts(shell, group)) continue;
-        int width = 3 * group->node_count;
-        dgfem_shelli_local_take(shell, group, x, &local);
-        memset(dense, 0, (size_t)(width * width) * sizeof *dense);
-        for (int q = 0; q < group->point_count; q++) {
-            const dgfem_shelli_point *point = &system->points[group->point_start + q];
-            dgfem_shelli_evaluate(shell, group, point, &local, spins, &k);
-            int terms = dgfem_shelli_point_terms(shell, point, &k, local.count, spins, frozen, left, right);
-            dgfem_shelli_add_products(left, right, terms, width, dense);
+    dgfem_shelli_pass pass;
+    memset(&pass, 0, sizeof pass);
+    pass.shell = shell, pass.x = x, pass.spins = spins, pass.frozen = frozen;
+    for (; pass.first < system->group_count; pass.first += system->dense_count) {
+        int count = system->group_count - pass.first;
+        if (count > system->dense_count) count = system->dense_count;
+        dgfem_shelli_run(&shell->hooks, count, dgfem_shelli_stiffness_range, &pass);
+        for (int i = 0; i < count; i++) {
+            const dgfem_shelli_group *group = &system->groups[pass.first + i];
+            if (dgfem_shelli_group_acts(shell, group))
+                dgfem_shelli_scatter(system, group, factor, system->dense + (size_t)i * DGFEM_SHELLI_DENSE);
         }
-        dgfem_shelli_scatter(system, group, factor, dense);
     }
 }

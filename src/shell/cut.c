@@ -29,6 +29,8 @@ typedef struct dgfem_shelli_edit {
     int *on_edge;   /* [node_capacity] of a new node: the old edge that it lies on, or DGFEM_NONE */
     int *edge_from; /* [node_capacity] of a middle node: the old edge that its edge is (a part of), or DGFEM_NONE */
     char *joint;    /* [node_capacity] of a middle node: what becomes of its edge */
+    int *moved_to;  /* [old nodes] of a middle node whose edge was split: the new middle node of the part it was on */
+    char *to_crossing; /* [old nodes] and whether the crossing is nearer to where it was than that */
 } dgfem_shelli_edit;
 
 static dgfem_status dgfem_shelli_edit_begin(dgfem_shelli_edit *edit, const dgfem_shell *shell, int elements,
@@ -50,8 +52,10 @@ static dgfem_status dgfem_shelli_edit_begin(dgfem_shelli_edit *edit, const dgfem
     edit->parent = (int *)dgfem_shelli_take(&edit->scratch, n, sizeof(int));
     edit->edge_from = (int *)dgfem_shelli_take(&edit->scratch, n, sizeof(int));
     edit->joint = (char *)dgfem_shelli_take(&edit->scratch, n, 1);
+    edit->moved_to = (int *)dgfem_shelli_take(&edit->scratch, (size_t)shell->node_count, sizeof(int));
+    edit->to_crossing = (char *)dgfem_shelli_take(&edit->scratch, (size_t)shell->node_count, 1);
     if (!edit->elements || !edit->rest || !edit->position || !edit->velocity || !edit->parent || !edit->edge_from ||
-        !edit->joint || !edit->element_from || !edit->on_edge)
+        !edit->joint || !edit->element_from || !edit->on_edge || !edit->moved_to || !edit->to_crossing)
         return DGFEM_ERROR_MEMORY;
     memcpy(edit->elements, shell->elements, (size_t)shell->element_count * sizeof *edit->elements);
     memcpy(edit->rest, shell->rest, dgfem_shelli_bytes(shell));
@@ -61,6 +65,7 @@ static dgfem_status dgfem_shelli_edit_begin(dgfem_shelli_edit *edit, const dgfem
         edit->parent[i] = i < shell->node_count ? i : DGFEM_NONE;
         edit->edge_from[i] = edit->on_edge[i] = DGFEM_NONE;
     }
+    for (int i = 0; i < shell->node_count; i++) edit->moved_to[i] = DGFEM_NONE;
     for (int e = 0; e < shell->element_count; e++) edit->element_from[e] = e;
     for (int i = 0; i < shell->edge_count; i++) {
         edit->edge_from[shell->edges[i].node[2]] = i;
@@ -150,52 +155,151 @@ static int dgfem_shelli_edit_separate(dgfem_shelli_edit *edit) {
 
 /* ---- the new topology ---- */
 
-/* Whether item i of the new topology belongs to a condition whose old items are marked. Fixtures hold all copies of
-   their nodes, and what is new on edges all of whose nodes they hold; forces and pins stay with the node's number. */
-static int dgfem_shelli_belongs(const dgfem_shelli_edit *edit, const dgfem_shell *next,
-                                const dgfem_shell_condition *condition, const char *mark, int i) {
-    if (condition->kind == DGFEM_SHELL_CONDITION_FIX) {
-        if (edit->parent[i] != DGFEM_NONE) return mark[edit->parent[i]];
-        if (edit->on_edge[i] == DGFEM_NONE) return 0;
-        const int *node = edit->old->edges[edit->on_edge[i]].node;
-        return mark[node[0]] && mark[node[1]] && mark[node[2]];
-    }
-    if (condition->kind == DGFEM_SHELL_CONDITION_FORCE || condition->kind == DGFEM_SHELL_CONDITION_PIN)
-        return i < edit->old->node_count && mark[i];
-    if (condition->kind == DGFEM_SHELL_CONDITION_PRESSURE) return mark[edit->element_from[i]];
-    int from = edit->edge_from[next->edges[i].node[2]];
-    return from != DGFEM_NONE && mark[from];
+/* For each old item the new ones that come from it: list[start[i]] .. list[start[i + 1] - 1]. */
+typedef struct dgfem_shelli_heirs {
+    int *start, *list;
+} dgfem_shelli_heirs;
+
+/* from[i]: the old item that the new item i comes from, or DGFEM_NONE. */
+static int dgfem_shelli_heirs_make(dgfem_shelli_scratch *scratch, const int *from, int count, int old_count,
+                                   dgfem_shelli_heirs *out) {
+    out->start = (int *)dgfem_shelli_take(scratch, (size_t)old_count + 2, sizeof(int));
+    out->list = (int *)dgfem_shelli_take(scratch, (size_t)count, sizeof(int));
+    if (!out->start || !out->list) return 0;
+    int *next = out->start + 1; /* becomes the start once its items are in */
+    for (int i = 0; i < count; i++)
+        if (from[i] != DGFEM_NONE) out->start[from[i] + 2]++;
+    for (int i = 0; i < old_count; i++) next[i + 1] += next[i];
+    for (int i = 0; i < count; i++)
+        if (from[i] != DGFEM_NONE) out->list[next[from[i]]++] = i;
+    return 1;
 }
 
-static dgfem_status dgfem_shelli_renew_condition(const dgfem_shelli_edit *edit, const dgfem_shell *next,
-                                                 const dgfem_shell_condition *old, char *mark,
+/* What the conditions of a new topology are found by. */
+typedef struct dgfem_shelli_renewal {
+    const dgfem_shelli_edit *edit;
+    const dgfem_shell *next;
+    dgfem_shelli_heirs nodes, on_edge, edges, elements; /* copies of nodes; new nodes on edges; and parts */
+    int *load_node;                                     /* [old nodes] where forces and pins go */
+    int *edge_of;                                       /* [old nodes] of middle nodes: the edge, or DGFEM_NONE */
+    char *mark;                                         /* [old nodes] all 0 between uses */
+} dgfem_shelli_renewal;
+
+/* Forces and pins stay with the node's number. A middle node that has moved to a crossing passes them on to the nearest
+   node on its own side of it. */
+static void dgfem_shelli_find_load_nodes(const dgfem_shelli_renewal *renewal) {
+    const dgfem_shelli_edit *edit = renewal->edit;
+    for (int i = 0; i < edit->old->node_count; i++) renewal->load_node[i] = i;
+    for (int i = 0; i < renewal->next->edge_count; i++) {
+        const int *node = renewal->next->edges[i].node;
+        if (edit->on_edge[node[2]] == DGFEM_NONE || edit->edge_from[node[2]] == DGFEM_NONE) continue;
+        int middle = edit->old->edges[edit->edge_from[node[2]]].node[2];
+        if (edit->moved_to[middle] != node[2]) continue;
+        renewal->load_node[middle] = node[2];
+        for (int a = 0; a < 2; a++)
+            if (edit->to_crossing[middle] && edit->parent[node[a]] == middle) renewal->load_node[middle] = node[a];
+    }
+}
+
+static int dgfem_shelli_renewal_make(dgfem_shelli_renewal *renewal, dgfem_shelli_edit *edit, const dgfem_shell *next) {
+    const dgfem_shell *old = edit->old;
+    dgfem_shelli_scratch *scratch = &edit->scratch;
+    renewal->edit = edit;
+    renewal->next = next;
+    int *from = (int *)dgfem_shelli_take(scratch, (size_t)next->edge_count, sizeof(int));
+    renewal->load_node = (int *)dgfem_shelli_take(scratch, (size_t)old->node_count, sizeof(int));
+    renewal->edge_of = (int *)dgfem_shelli_take(scratch, (size_t)old->node_count, sizeof(int));
+    renewal->mark = (char *)dgfem_shelli_take(scratch, (size_t)old->node_count, 1);
+    if (!from || !renewal->load_node || !renewal->edge_of || !renewal->mark) return 0;
+    for (int i = 0; i < next->edge_count; i++) from[i] = edit->edge_from[next->edges[i].node[2]];
+    for (int i = 0; i < old->node_count; i++) renewal->edge_of[i] = DGFEM_NONE;
+    for (int i = 0; i < old->edge_count; i++) renewal->edge_of[old->edges[i].node[2]] = i;
+    dgfem_shelli_find_load_nodes(renewal);
+    return dgfem_shelli_heirs_make(scratch, edit->parent, next->node_count, old->node_count, &renewal->nodes) &&
+           dgfem_shelli_heirs_make(scratch, edit->on_edge, next->node_count, old->edge_count, &renewal->on_edge) &&
+           dgfem_shelli_heirs_make(scratch, from, next->edge_count, old->edge_count, &renewal->edges) &&
+           dgfem_shelli_heirs_make(scratch, edit->element_from, next->element_count, old->element_count,
+                                   &renewal->elements);
+}
+
+/* Writes the heirs of an item, unless out is NULL. Returns how many there are. */
+static int dgfem_shelli_pass_on(const dgfem_shelli_heirs *heirs, int item, int *out) {
+    int count = heirs->start[item + 1] - heirs->start[item];
+    if (out && count) memcpy(out, heirs->list + heirs->start[item], (size_t)count * sizeof(int));
+    return count;
+}
+
+/* Fixtures hold all copies of their nodes, and what is new on edges all of whose nodes they hold. */
+static int dgfem_shelli_pass_fixture(const dgfem_shelli_renewal *renewal, const char *mark, int item, int *out) {
+    int edge = renewal->edge_of[item], count = dgfem_shelli_pass_on(&renewal->nodes, item, out);
+    if (edge == DGFEM_NONE) return count;
+    const int *node = renewal->edit->old->edges[edge].node;
+    if (!mark[node[0]] || !mark[node[1]]) return count;
+    return count + dgfem_shelli_pass_on(&renewal->on_edge, edge, out ? out + count : NULL);
+}
+
+/* One of the two sides of an edge that came apart keeps its load. */
+static int dgfem_shelli_pass_line_load(const dgfem_shelli_renewal *renewal, int item, int *out) {
+    int count = 0;
+    for (int i = renewal->edges.start[item]; i < renewal->edges.start[item + 1]; i++) {
+        int edge = renewal->edges.list[i], middle = renewal->next->edges[edge].node[2];
+        int parent = renewal->edit->parent[middle];
+        if (parent != DGFEM_NONE && parent != middle) continue;
+        if (out) out[count] = edge;
+        count++;
+    }
+    return count;
+}
+
+/* The items of a condition in the new topology. Returns their number; out may be NULL. */
+static int dgfem_shelli_renew_items(const dgfem_shelli_renewal *renewal, const dgfem_shell_condition *old,
+                                    const char *mark, int *out) {
+    int count = 0;
+    for (int i = 0; i < old->count; i++) {
+        int item = old->items[i], *to = out ? out + count : NULL;
+        switch (old->kind) {
+        case DGFEM_SHELL_CONDITION_FIX: count += dgfem_shelli_pass_fixture(renewal, mark, item, to); break;
+        case DGFEM_SHELL_CONDITION_FORCE:
+        case DGFEM_SHELL_CONDITION_PIN:
+            if (to) *to = renewal->load_node[item];
+            count++;
+            break;
+        case DGFEM_SHELL_CONDITION_PRESSURE: count += dgfem_shelli_pass_on(&renewal->elements, item, to); break;
+        case DGFEM_SHELL_CONDITION_LINE_LOAD: count += dgfem_shelli_pass_line_load(renewal, item, to); break;
+        default: count += dgfem_shelli_pass_on(&renewal->edges, item, to);
+        }
+    }
+    return count;
+}
+
+static dgfem_status dgfem_shelli_renew_condition(const dgfem_shelli_renewal *renewal, const dgfem_shell_condition *old,
                                                  dgfem_shell_condition *out) {
-    int nodal = old->kind == DGFEM_SHELL_CONDITION_FIX || old->kind == DGFEM_SHELL_CONDITION_FORCE ||
-                old->kind == DGFEM_SHELL_CONDITION_PIN;
-    int limit = nodal                                         ? next->node_count
-                : old->kind == DGFEM_SHELL_CONDITION_PRESSURE ? next->element_count
-                                                              : next->edge_count;
+    int fixture = old->kind == DGFEM_SHELL_CONDITION_FIX;
     *out = *old;
-    out->count = 0;
-    for (int i = 0; i < old->count; i++) mark[old->items[i]] = 1;
-    for (int i = 0; i < limit; i++) out->count += dgfem_shelli_belongs(edit, next, old, mark, i);
-    out->items = (int *)dgfem_shelli_allocate(&next->hooks, (size_t)out->count, sizeof(int));
-    for (int i = 0, k = 0; out->items && i < limit; i++)
-        if (dgfem_shelli_belongs(edit, next, old, mark, i)) out->items[k++] = i;
-    for (int i = 0; i < old->count; i++) mark[old->items[i]] = 0;
-    return out->items ? DGFEM_OK : DGFEM_ERROR_MEMORY;
+    for (int i = 0; fixture && i < old->count; i++) renewal->mark[old->items[i]] = 1;
+    out->count = dgfem_shelli_renew_items(renewal, old, renewal->mark, NULL);
+    out->items = (int *)dgfem_shelli_allocate(&renewal->next->hooks, (size_t)out->count, sizeof(int));
+    if (out->items) (void)dgfem_shelli_renew_items(renewal, old, renewal->mark, out->items);
+    for (int i = 0; fixture && i < old->count; i++) renewal->mark[old->items[i]] = 0;
+    if (!out->items) return DGFEM_ERROR_MEMORY;
+    if (old->kind == DGFEM_SHELL_CONDITION_PIN) { /* its place goes with its node */
+        dgfem_vec3 moved =
+            dgfem_shelli_sub(renewal->next->position[out->items[0]], renewal->edit->old->position[old->items[0]]);
+        out->vector = dgfem_shelli_add(out->vector, moved);
+        out->vector_before = dgfem_shelli_add(out->vector_before, moved);
+    }
+    return DGFEM_OK;
 }
 
 static dgfem_status dgfem_shelli_renew_conditions(dgfem_shelli_edit *edit, dgfem_shell *next) {
     const dgfem_shell *old = edit->old;
-    size_t items = (size_t)old->node_count + (size_t)old->edge_count + (size_t)old->element_count;
-    char *mark = (char *)dgfem_shelli_take(&edit->scratch, items, 1);
+    dgfem_shelli_renewal renewal;
     next->condition_count = 0;
     next->conditions = (dgfem_shell_condition *)dgfem_shelli_allocate(&next->hooks, (size_t)old->condition_capacity,
                                                                       sizeof *next->conditions);
-    if (!mark || !next->conditions) return DGFEM_ERROR_MEMORY;
+    if (!next->conditions || !dgfem_shelli_renewal_make(&renewal, edit, next)) return DGFEM_ERROR_MEMORY;
     for (int c = 0; c < old->condition_count; c++) {
-        dgfem_status status = dgfem_shelli_renew_condition(edit, next, &old->conditions[c], mark, &next->conditions[c]);
+        dgfem_status status = dgfem_shelli_renew_condition(&renewal, &old->conditions[c], &next->conditions[c]);
         if (status) return status;
         next->condition_count++;
     }
@@ -210,8 +314,7 @@ static void dgfem_shelli_free_conditions(dgfem_shell *shell) {
 static dgfem_status dgfem_shelli_edit_build(dgfem_shelli_edit *edit, dgfem_shell *next) {
     next->element_count = edit->element_count;
     next->node_count = edit->node_count;
-    if (!dgfem_shelli_allocate_elements(next) || !dgfem_shelli_allocate_nodes(next))
-        return DGFEM_ERROR_MEMORY;
+    if (!dgfem_shelli_allocate_elements(next) || !dgfem_shelli_allocate_nodes(next)) return DGFEM_ERROR_MEMORY;
     memcpy(next->elements, edit->elements, (size_t)next->element_count * sizeof *next->elements);
     memcpy(next->rest, edit->rest, dgfem_shelli_bytes(next));
     memcpy(next->position, edit->position, dgfem_shelli_bytes(next));

@@ -11,7 +11,12 @@
    D = E h^3 / (12 (1 - nu^2)). The point's rotation R comes from F = sum x_a D_a^T + t t0^T, where D_a are the
    gradients kept here. */
 
-enum { DGFEM_SHELLI_MAX_GROUP = 2 * DGFEM_SHELL_MAX_NODES, DGFEM_SHELLI_MAX_ROWS = 6 };
+enum {
+    DGFEM_SHELLI_MAX_GROUP = 2 * DGFEM_SHELL_MAX_NODES,
+    DGFEM_SHELLI_MAX_ROWS = 6,
+    DGFEM_SHELLI_MAX_WIDTH = 3 * DGFEM_SHELLI_MAX_GROUP,
+    DGFEM_SHELLI_DENSE = DGFEM_SHELLI_MAX_WIDTH * DGFEM_SHELLI_MAX_WIDTH
+};
 
 typedef enum dgfem_shelli_kind { DGFEM_SHELLI_ELEMENT, DGFEM_SHELLI_GLUE, DGFEM_SHELLI_BOUNDARY } dgfem_shelli_kind;
 
@@ -55,8 +60,13 @@ struct dgfem_shell_system {
     int *nodes;
     dgfem_real *strains;
     dgfem_vec3 *gradients;
-    size_t *map;           /* value offset of each pair's block in the matrix */
-    dgfem_mat3 *rotations; /* [points] of the last evaluation: where F has none, it is kept */
+    size_t *map;              /* value offset of each pair's block in the matrix */
+    dgfem_vec3 *group_force;  /* [node_total] of each group on its nodes */
+    dgfem_real *group_energy; /* [group_count] */
+    dgfem_real *dense;        /* [dense_count][DENSE] stiffness of groups that are computed at a time */
+    int dense_count;
+    dgfem_mat3 *rotations;     /* [points] of the last evaluation: where F has none, it is kept */
+    dgfem_real *strain_before; /* [points][MAX_ROWS] at the beginning of the step, for damping */
     dgfem_shelli_basis basis[DGFEM_SHELLI_BASIS_COUNT];
     dgfem_matrix *matrix;
     dgfem_cholesky *cholesky;

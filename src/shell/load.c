@@ -239,7 +239,33 @@ static void dgfem_shelli_hold_axes(dgfem_shell_system *system, int node, int axe
     if (axes & DGFEM_SHELL_Z) dgfem_shelli_hold(system, node, dgfem_shelli_vec3(0, 0, 1), displacement.z);
 }
 
-/* Collects what all conditions hold. Returns the number of conditions that hold anything. */
+/* Displacement that a condition gives to a node now, if it was where the condition had it `before`; otherwise the
+   difference vanishes along the path. */
+static dgfem_vec3 dgfem_shelli_held_now(const dgfem_shell *shell, int node, dgfem_vec3 before, dgfem_vec3 now) {
+    if (shell->system->part == 1) return now;
+    dgfem_vec3 astray = dgfem_shelli_sub(dgfem_shelli_sub(shell->position[node], shell->rest[node]), before);
+    return dgfem_shelli_axpy(now, 1 - shell->system->part, astray);
+}
+
+static void dgfem_shelli_hold_edge(const dgfem_shell *shell, const dgfem_shell_condition *condition, int edge) {
+    int clamp = condition->kind == DGFEM_SHELL_CONDITION_CLAMP;
+    dgfem_shelli_placement before = dgfem_shelli_clamp_before(condition), now = before;
+    if (clamp) now = dgfem_shelli_clamp_now(shell, condition);
+    for (int a = 0; a < 3; a++) {
+        int node = shell->edges[edge].node[a];
+        dgfem_vec3 x = shell->rest[node], from = dgfem_shelli_vec3(0, 0, 0), to = from;
+        if (clamp) {
+            from = dgfem_shelli_sub(dgfem_shelli_place(&before, x), x);
+            to = dgfem_shelli_sub(dgfem_shelli_place(&now, x), x);
+        }
+        to = dgfem_shelli_held_now(shell, node, from, to);
+        if (clamp) dgfem_shelli_hold_axes(shell->system, node, DGFEM_SHELL_XYZ, to);
+        else dgfem_shelli_hold(shell->system, node, condition->vector, dgfem_shelli_dot(condition->vector, to));
+    }
+}
+
+/* Collects what all conditions hold, at the present part of the path. Returns the number of conditions that hold
+   anything. */
 static int dgfem_shelli_collect_held(const dgfem_shell *shell) {
     dgfem_shell_system *system = shell->system;
     int holding = 0;
@@ -255,15 +281,11 @@ static int dgfem_shelli_collect_held(const dgfem_shell *shell) {
                    condition->kind == DGFEM_SHELL_CONDITION_SYMMETRY || condition->kind == DGFEM_SHELL_CONDITION_PIN;
         for (int i = 0; i < condition->count; i++) {
             if (condition->kind == DGFEM_SHELL_CONDITION_FIX)
-                dgfem_shelli_hold_axes(system, condition->items[i], condition->axes, condition->vector);
-            if (!clamp && condition->kind != DGFEM_SHELL_CONDITION_SYMMETRY) continue;
-            for (int a = 0; a < 3; a++) {
-                int node = shell->edges[condition->items[i]].node[a];
-                dgfem_vec3 moved = dgfem_shelli_multiply(&condition->rotation, shell->rest[node]);
-                moved = dgfem_shelli_sub(dgfem_shelli_add(moved, condition->vector), shell->rest[node]);
-                if (clamp) dgfem_shelli_hold_axes(system, node, DGFEM_SHELL_XYZ, moved);
-                else dgfem_shelli_hold(system, node, condition->vector, 0);
-            }
+                dgfem_shelli_hold_axes(system, condition->items[i], condition->axes,
+                                       dgfem_shelli_held_now(shell, condition->items[i], condition->vector_before,
+                                                             dgfem_shelli_vector_now(shell, condition)));
+            if (clamp || condition->kind == DGFEM_SHELL_CONDITION_SYMMETRY)
+                dgfem_shelli_hold_edge(shell, condition, condition->items[i]);
         }
     }
     return holding;

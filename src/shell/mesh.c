@@ -135,7 +135,7 @@ static dgfem_status dgfem_shelli_read_elements(dgfem_shell *shell, const dgfem_s
 
 /* Open addressing from the corners of an edge to its middle node. */
 typedef struct dgfem_shelli_pair {
-    int a, b, middle; /* a < b; middle is 0 in an empty slot: vertex 0 is no made middle */
+    int a, b, middle; /* a < b; middle is 0 in an empty slot: numbers are kept plus one */
 } dgfem_shelli_pair;
 
 static dgfem_shelli_pair *dgfem_shelli_find_pair(dgfem_shelli_pair *table, size_t mask, int a, int b) {
@@ -151,12 +151,17 @@ static dgfem_shelli_pair *dgfem_shelli_find_pair(dgfem_shelli_pair *table, size_
     }
 }
 
+static size_t dgfem_shelli_pair_table_size(const dgfem_shell *shell) {
+    size_t size = 16;
+    while (size < 8 * (size_t)shell->element_count) size *= 2;
+    return size;
+}
+
 /* Numbers a middle node for every edge, behind the vertices. Returns the number of all nodes, 0 when out of memory. */
 static int dgfem_shelli_number_middles(dgfem_shell *shell, int vertex_count) {
     dgfem_shelli_scratch scratch = dgfem_shelli_scratch_make(&shell->hooks);
-    size_t size = 16;
+    size_t size = dgfem_shelli_pair_table_size(shell);
     int next = vertex_count;
-    while (size < 8 * (size_t)shell->element_count) size *= 2;
     dgfem_shelli_pair *table = (dgfem_shelli_pair *)dgfem_shelli_take(&scratch, size, sizeof *table);
     if (!table) return 0;
     for (int e = 0; e < shell->element_count; e++) {
@@ -165,8 +170,8 @@ static int dgfem_shelli_number_middles(dgfem_shell *shell, int vertex_count) {
         for (int k = 0; k < corners; k++) {
             dgfem_shelli_pair *pair =
                 dgfem_shelli_find_pair(table, size - 1, element->node[k], element->node[(k + 1) % corners]);
-            if (!pair->middle) pair->middle = next++;
-            element->node[corners + k] = pair->middle;
+            if (!pair->middle) pair->middle = ++next;
+            element->node[corners + k] = pair->middle - 1;
         }
     }
     dgfem_shelli_scratch_free(&scratch);
@@ -212,6 +217,56 @@ static dgfem_status dgfem_shelli_check_used(const dgfem_shell *shell) {
     return status;
 }
 
+/* ---- given middle nodes ---- */
+
+/* No node is a corner of one element and a middle of another: role[i] > 0 is a corner of element role[i] - 1, < 0 a
+   middle. */
+static dgfem_status dgfem_shelli_check_roles(const dgfem_shell *shell, int *role) {
+    for (int e = 0; e < shell->element_count; e++) {
+        const dgfem_shell_element *element = &shell->elements[e];
+        for (int a = 0; a < element->node_count; a++) {
+            int corner = a < dgfem_shelli_corners(element), i = element->node[a], other = role[i];
+            if (other && (other > 0) != corner)
+                return dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_NOT_CONFORMING,
+                                         "vertex %d is a corner of element %d and the middle of a side of element %d",
+                                         i, corner ? e : other - 1, corner ? -other - 1 : e);
+            role[i] = corner ? e + 1 : -e - 1;
+        }
+    }
+    return DGFEM_OK;
+}
+
+/* No two sides between the same corners have different middles. */
+static dgfem_status dgfem_shelli_check_middles(const dgfem_shell *shell, dgfem_shelli_pair *table, size_t mask) {
+    for (int e = 0; e < shell->element_count; e++) {
+        const dgfem_shell_element *element = &shell->elements[e];
+        int corners = dgfem_shelli_corners(element);
+        for (int k = 0; k < corners; k++) {
+            int a = element->node[k], b = element->node[(k + 1) % corners], middle = element->node[corners + k];
+            dgfem_shelli_pair *pair = dgfem_shelli_find_pair(table, mask, a, b);
+            if (pair->middle && pair->middle != middle + 1)
+                return dgfem_shelli_fail(&shell->hooks, DGFEM_ERROR_NOT_CONFORMING,
+                                         "element %d: the side of vertices %d and %d has the middle node %d, that of "
+                                         "another element %d",
+                                         e, a, b, middle, pair->middle - 1);
+            pair->middle = middle + 1;
+        }
+    }
+    return DGFEM_OK;
+}
+
+static dgfem_status dgfem_shelli_check_given(const dgfem_shell *shell) {
+    dgfem_shelli_scratch scratch = dgfem_shelli_scratch_make(&shell->hooks);
+    size_t size = dgfem_shelli_pair_table_size(shell);
+    int *role = (int *)dgfem_shelli_take(&scratch, (size_t)shell->node_count, sizeof(int));
+    dgfem_shelli_pair *table = (dgfem_shelli_pair *)dgfem_shelli_take(&scratch, size, sizeof *table);
+    dgfem_status status = role && table ? DGFEM_OK : DGFEM_ERROR_MEMORY;
+    if (!status) status = dgfem_shelli_check_roles(shell, role);
+    if (!status) status = dgfem_shelli_check_middles(shell, table, size - 1);
+    dgfem_shelli_scratch_free(&scratch);
+    return status;
+}
+
 /* ---- edges ---- */
 
 static void dgfem_shelli_new_edge(dgfem_shell *shell, int e, int k, int middle) {
@@ -223,7 +278,7 @@ static void dgfem_shelli_new_edge(dgfem_shell *shell, int e, int k, int middle) 
     edge->node[2] = middle;
     edge->element[0] = e, edge->element[1] = DGFEM_NONE;
     edge->side[0] = k, edge->side[1] = DGFEM_NONE;
-    edge->support = DGFEM_NONE;
+    edge->loop = edge->support = DGFEM_NONE;
     element->edge[k] = shell->edge_count++;
 }
 
@@ -249,6 +304,35 @@ static dgfem_status dgfem_shelli_join_edge(dgfem_shell *shell, int e, int k, int
     return DGFEM_OK;
 }
 
+static int dgfem_shelli_is_boundary(const dgfem_shell_edge *edge) { return edge->element[1] == DGFEM_NONE; }
+
+/* The boundary edge that follows: around the end node through the elements, as far as they hang together by edges. */
+static int dgfem_shelli_next_boundary(const dgfem_shell *shell, int edge) {
+    int e = shell->edges[edge].element[0], side = shell->edges[edge].side[0];
+    for (;;) {
+        int next = shell->elements[e].edge[(side + 1) % dgfem_shelli_corners(&shell->elements[e])];
+        const dgfem_shell_edge *candidate = &shell->edges[next];
+        if (dgfem_shelli_is_boundary(candidate)) return next;
+        int other = candidate->element[0] == e;
+        e = candidate->element[other];
+        side = candidate->side[other];
+    }
+}
+
+/* Numbers the loops of the boundary in the order of their lowest edges. */
+static void dgfem_shelli_number_loops(dgfem_shell *shell) {
+    int loops = 0;
+    for (int first = 0; first < shell->edge_count; first++) {
+        int edge = first;
+        if (!dgfem_shelli_is_boundary(&shell->edges[first]) || shell->edges[first].loop != DGFEM_NONE) continue;
+        do {
+            shell->edges[edge].loop = loops;
+            edge = dgfem_shelli_next_boundary(shell, edge);
+        } while (edge != first);
+        loops++;
+    }
+}
+
 /* Finds all edges by their middle nodes: shell->edges has room for one per side. */
 static dgfem_status dgfem_shelli_connect(dgfem_shell *shell) {
     dgfem_shelli_scratch scratch = dgfem_shelli_scratch_make(&shell->hooks);
@@ -268,6 +352,7 @@ static dgfem_status dgfem_shelli_connect(dgfem_shell *shell) {
             }
         }
     }
+    if (!status) dgfem_shelli_number_loops(shell);
     dgfem_shelli_scratch_free(&scratch);
     return status;
 }
@@ -365,32 +450,12 @@ static dgfem_status dgfem_shelli_measure(dgfem_shell *shell) {
 
 /* ---- boundary ---- */
 
-static int dgfem_shelli_is_boundary(const dgfem_shell_edge *edge) { return edge->element[1] == DGFEM_NONE; }
-
-/* The boundary edge that follows: around the end node through the elements, as far as they hang together by edges. */
-static int dgfem_shelli_next_boundary(const dgfem_shell *shell, int edge) {
-    int e = shell->edges[edge].element[0], side = shell->edges[edge].side[0];
-    for (;;) {
-        int next = shell->elements[e].edge[(side + 1) % dgfem_shelli_corners(&shell->elements[e])];
-        const dgfem_shell_edge *candidate = &shell->edges[next];
-        if (dgfem_shelli_is_boundary(candidate)) return next;
-        int other = candidate->element[0] == e;
-        e = candidate->element[other];
-        side = candidate->side[other];
-    }
-}
-
 DGFEM_API int dgfem_shell_boundary(const dgfem_shell *shell, int *edges, int *loop_start) {
     int loops = 0, count = 0;
     if (!shell) return 0;
     for (int first = 0; first < shell->edge_count; first++) {
-        int lowest = first, edge = first;
-        if (!dgfem_shelli_is_boundary(&shell->edges[first])) continue;
-        do { /* a loop is written from its lowest edge */
-            edge = dgfem_shelli_next_boundary(shell, edge);
-            if (edge < lowest) lowest = edge;
-        } while (edge != first && lowest == first);
-        if (lowest != first) continue;
+        int edge = first;
+        if (shell->edges[first].loop != loops) continue; /* a loop is written from its lowest edge */
         if (loop_start) loop_start[loops] = count;
         loops++;
         do {

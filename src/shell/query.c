@@ -121,7 +121,7 @@ DGFEM_API dgfem_status dgfem_shell_strain_at(const dgfem_shell *shell, int eleme
 DGFEM_API dgfem_status dgfem_shell_internal_force(const dgfem_shell *shell, dgfem_vec3 *out) {
     if (!shell || !out) return DGFEM_ERROR_ARGUMENT;
     memset(out, 0, dgfem_shelli_bytes(shell));
-    (void)dgfem_shelli_add_internal(shell, shell->position, NULL, 1, out);
+    (void)dgfem_shelli_add_internal(shell, shell->position, 0, 1, out);
     return DGFEM_OK;
 }
 
@@ -188,7 +188,7 @@ static dgfem_shelli_motion dgfem_shelli_total_motion(const dgfem_shell *shell) {
 DGFEM_API dgfem_status dgfem_shell_energy(const dgfem_shell *shell, dgfem_energy *out) {
     if (!shell || !out) return DGFEM_ERROR_ARGUMENT;
     memset(out, 0, sizeof *out);
-    out->elastic = dgfem_shelli_add_internal(shell, shell->position, NULL, 1, NULL);
+    out->elastic = dgfem_shelli_add_internal(shell, shell->position, 0, 1, NULL);
     out->kinetic = dgfem_shelli_total_motion(shell).kinetic;
     const dgfem_real *weight = shell->desc.consistent_mass ? shell->node_load : shell->node_mass;
     for (int i = 0; i < shell->node_count; i++)

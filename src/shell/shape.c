@@ -85,7 +85,7 @@ static dgfem_shelli_parameter dgfem_shelli_side(int nodes, int side, dgfem_real 
 
 /* ---- quadrature ---- */
 
-enum { DGFEM_SHELLI_EDGE_POINTS = 3, DGFEM_SHELLI_MAX_POINTS = 4, DGFEM_SHELLI_MAX_FINE = 9 };
+enum { DGFEM_SHELLI_EDGE_POINTS = 3 };
 
 /* Gauss-Legendre with three points on [-1, 1]. */
 static dgfem_real dgfem_shelli_gauss_point(int q) { return (dgfem_real)((q - 1) * 0.77459666924148337704); }

@@ -130,6 +130,8 @@ static void dgfem_shelli_split_edge(dgfem_shelli_splitter *s, int index) {
         edit->joint[node] = (char)edge->joint;
         s->half[2 * index + k] = node;
     }
+    edit->moved_to[edge->node[2]] = s->half[2 * index + (t < DGFEM_R(0.5))];
+    edit->to_crossing[edge->node[2]] = 3 * t >= 1 && 3 * t <= 2; /* nearer than the middle of the part */
     edit->edge_from[edge->node[2]] = DGFEM_NONE;
     edit->joint[edge->node[2]] = DGFEM_SHELL_GLUED;
 }
@@ -334,8 +336,7 @@ static dgfem_status dgfem_shelli_cut_elements(dgfem_shelli_splitter *s, dgfem_sh
     s->cut = (char *)dgfem_shelli_take(scratch, elements, 1);
     s->crossing = (dgfem_real *)dgfem_shelli_take(scratch, edges, sizeof(dgfem_real));
     s->half = (int *)dgfem_shelli_take(scratch, 2 * edges, sizeof(int));
-    if (!touched || !s->distance || !s->side || !s->cut || !s->crossing || !s->half)
-        return DGFEM_ERROR_MEMORY;
+    if (!touched || !s->distance || !s->side || !s->cut || !s->crossing || !s->half) return DGFEM_ERROR_MEMORY;
     edit->old = shell;
     dgfem_shelli_classify(s);
     int count = dgfem_shelli_mark_elements(s, shell, touched);

@@ -3,9 +3,9 @@
 /* Static equilibrium by Newton's method or frozen rotations, in load steps.
 
    A solve follows a path s = 0 .. 1 on which loads go from what they were at the end of the last solve or step to what
-   they are now, and prescribed displacements from where the nodes are to their targets. The first linear systems of a
-   part take the symmetric part of the tangent: what is left out is of second order in the strains. Later ones, where
-   that is what is left to converge, take all of it, by a few GMRES iterations with the factored part. */
+   they are now, fixed nodes straight from where they are to their targets, clamps by a screw motion. The first linear
+   systems of a part take the symmetric part of the tangent: what is left out is of second order in the strains. Later
+   ones, where that is what is left to converge, take all of it, by a few GMRES iterations with the factored part. */
 
 DGFEM_API dgfem_shell_static_desc dgfem_default_shell_static_desc(void) {
     dgfem_shell_static_desc desc;
@@ -90,7 +90,6 @@ static dgfem_status dgfem_shelli_solve(dgfem_shell *shell, const dgfem_vec3 *rhs
 
 /* How a solve stands. */
 typedef struct dgfem_shelli_path {
-    dgfem_real part;      /* s */
     dgfem_real scale;     /* size of the forces that balance */
     dgfem_real stiffness; /* largest diagonal, for the round-off of forces */
     dgfem_real extent;    /* of the shell */
@@ -105,7 +104,7 @@ static void dgfem_shelli_residual(const dgfem_shell *shell, const dgfem_vec3 *x,
     memset(force, 0, dgfem_shelli_bytes(shell));
     memset(r, 0, dgfem_shelli_bytes(shell));
     dgfem_shelli_add_external(shell, x, 0, 1, force);
-    (void)dgfem_shelli_add_internal(shell, x, NULL, 1, r);
+    (void)dgfem_shelli_add_internal(shell, x, 0, 1, r);
     path->scale = dgfem_shelli_max(dgfem_shelli_length(shell, force), dgfem_shelli_length(shell, r));
     for (int i = 0; i < shell->node_count; i++) r[i] = dgfem_shelli_sub(force[i], r[i]);
     dgfem_shelli_hold_vector(shell, r);
@@ -139,17 +138,13 @@ static dgfem_real dgfem_shelli_reach(const dgfem_shell *shell, const dgfem_vec3 
 /* ---- one Newton iteration ---- */
 
 /* The prescribed part of the next increment: what held directions lack. Returns its size. */
-static dgfem_real dgfem_shelli_prescribed(const dgfem_shell *shell, const dgfem_vec3 *x, dgfem_real part,
-                                          dgfem_vec3 *motion) {
+static dgfem_real dgfem_shelli_prescribed(const dgfem_shell *shell, const dgfem_vec3 *x, dgfem_vec3 *motion) {
     const dgfem_shell_system *system = shell->system;
-    const dgfem_vec3 *start = dgfem_shelli_vector(shell, DGFEM_SHELLI_START);
     dgfem_real size = 0;
     for (int i = 0; i < shell->node_count; i++) {
         motion[i] = dgfem_shelli_vec3(0, 0, 0);
         if (!system->held[i]) continue;
-        dgfem_vec3 from = dgfem_shelli_sub(start[i], shell->rest[i]);
-        dgfem_vec3 wanted = dgfem_shelli_axpy(dgfem_shelli_scale(1 - part, from), part, system->target[i]);
-        dgfem_vec3 lack = dgfem_shelli_sub(wanted, dgfem_shelli_sub(x[i], shell->rest[i]));
+        dgfem_vec3 lack = dgfem_shelli_sub(system->target[i], dgfem_shelli_sub(x[i], shell->rest[i]));
         motion[i] = dgfem_shelli_sub(lack, dgfem_shelli_multiply(&system->free_part[i], lack));
         size = dgfem_shelli_max(size, dgfem_shelli_norm(motion[i]));
     }
@@ -307,8 +302,7 @@ static dgfem_status dgfem_shelli_iterate(dgfem_shell *shell, const dgfem_shell_s
     dgfem_vec3 *x = dgfem_shelli_vector(shell, DGFEM_SHELLI_X), *r = dgfem_shelli_vector(shell, DGFEM_SHELLI_RESIDUAL);
     dgfem_vec3 *best = dgfem_shelli_vector(shell, DGFEM_SHELLI_BEST);
     for (int iteration = 0; iteration < desc->max_iterations; iteration++) {
-        dgfem_real moved =
-            dgfem_shelli_prescribed(shell, x, path->part, dgfem_shelli_vector(shell, DGFEM_SHELLI_MOTION));
+        dgfem_real moved = dgfem_shelli_prescribed(shell, x, dgfem_shelli_vector(shell, DGFEM_SHELLI_MOTION));
         path->reach = dgfem_shelli_reach(shell, x, path->extent);
         int moves = moved > 10 * DGFEM_SHELL_EPSILON * path->reach;
         if (iteration == 0) dgfem_shelli_residual(shell, x, path, r);
@@ -327,8 +321,7 @@ static dgfem_status dgfem_shelli_iterate(dgfem_shell *shell, const dgfem_shell_s
         dgfem_real residual = dgfem_shelli_length(shell, r);
         info->residual = path->scale > 0 ? residual / path->scale : 0;
         if (!dgfem_shelli_is_finite(residual)) return DGFEM_ERROR_NOT_CONVERGED;
-        if (!shell->desc.corotational || dgfem_shelli_converged(path, desc->tolerance, residual))
-            return DGFEM_OK;
+        if (!shell->desc.corotational || dgfem_shelli_converged(path, desc->tolerance, residual)) return DGFEM_OK;
     }
     return DGFEM_ERROR_NOT_CONVERGED;
 }
@@ -345,17 +338,17 @@ static dgfem_status dgfem_shelli_follow_path(dgfem_shell *shell, const dgfem_she
     memset(&path, 0, sizeof path);
     path.extent = dgfem_shelli_extent(shell);
     path.search = desc->line_search >= 2;
-    memcpy(dgfem_shelli_vector(shell, DGFEM_SHELLI_START), shell->position, dgfem_shelli_bytes(shell));
     memcpy(x, shell->position, dgfem_shelli_bytes(shell));
     while (done < 1) {
         memcpy(good, x, dgfem_shelli_bytes(shell));
-        path.part = done + step < 1 - DGFEM_R(1e-6) ? done + step : 1;
+        dgfem_real part = done + step < 1 - DGFEM_R(1e-6) ? done + step : 1;
         info->load_steps++;
-        shell->system->part = path.part;
+        shell->system->part = part;
         dgfem_shelli_refresh_edges(shell);
+        (void)dgfem_shelli_collect_held(shell);
         dgfem_status status = dgfem_shelli_iterate(shell, desc, &path, info);
         if (!status) {
-            done = path.part;
+            done = part;
             continue;
         }
         if (status == DGFEM_ERROR_MEMORY || !shell->desc.corotational || step / 2 < smallest * DGFEM_R(0.99))

@@ -1,8 +1,9 @@
 #pragma once
 #include "static.c"
 /* Implicit Euler: one step solves, for the velocities v at its end,
-     (1 + h alpha) M v + h (f_int(x + h v) + beta K v - F_ext - F_contact) = M v0,   x+ = x + h v,
-   by Newton's method. Contact acts at the nodes. */
+     (1 + h alpha) M v + h (f_int(x + h v) + f_damp - F_ext - F_contact) = M v0,   x+ = x + h v,
+   by Newton's method. Stiffness damping f_damp is the force of the stresses beta C (strain+ - strain) / h, about
+   beta K v. Contact acts at the nodes. */
 
 /* ---- contact ----
 
@@ -144,7 +145,6 @@ static int dgfem_shelli_step_residual(const dgfem_shell *shell, dgfem_real h, co
     dgfem_vec3 *force = dgfem_shelli_vector(shell, DGFEM_SHELLI_FORCE);
     dgfem_vec3 *gain = dgfem_shelli_vector(shell, DGFEM_SHELLI_MOTION);
     dgfem_vec3 *momentum = dgfem_shelli_vector(shell, DGFEM_SHELLI_RHS);
-    const dgfem_vec3 *damped = shell->desc.damping_stiffness > 0 ? v : NULL;
     for (int i = 0; i < shell->node_count; i++) x[i] = dgfem_shelli_axpy(shell->position[i], h, v[i]);
     for (int i = 0; i < shell->node_count; i++) gain[i] = dgfem_shelli_sub(v[i], shell->velocity[i]);
     memset(force, 0, dgfem_shelli_bytes(shell));
@@ -152,13 +152,12 @@ static int dgfem_shelli_step_residual(const dgfem_shell *shell, dgfem_real h, co
     memset(r, 0, dgfem_shelli_bytes(shell));
     dgfem_shelli_add_external(shell, x, !shell->desc.consistent_mass, h, force);
     int contacts = dgfem_shelli_add_contact(shell, x, v, h, force);
-    (void)dgfem_shelli_add_internal(shell, x, damped, h, r);
+    (void)dgfem_shelli_add_internal(shell, x, shell->desc.damping_stiffness / h, h, r);
     dgfem_shelli_add_momentum(shell, 1, gain, momentum);
     *scale = dgfem_shelli_max(dgfem_shelli_length(shell, force), dgfem_shelli_length(shell, r));
     *scale = dgfem_shelli_max(*scale, dgfem_shelli_length(shell, momentum));
     dgfem_shelli_add_momentum(shell, h * shell->desc.damping_mass, v, momentum);
-    for (int i = 0; i < shell->node_count; i++)
-        r[i] = dgfem_shelli_sub(dgfem_shelli_sub(force[i], r[i]), momentum[i]);
+    for (int i = 0; i < shell->node_count; i++) r[i] = dgfem_shelli_sub(dgfem_shelli_sub(force[i], r[i]), momentum[i]);
     dgfem_shelli_hold_vector(shell, r);
     return contacts;
 }
@@ -251,6 +250,7 @@ static dgfem_status dgfem_shelli_step(dgfem_shell *shell, dgfem_real h, dgfem_sh
     dgfem_vec3 *r = dgfem_shelli_vector(shell, DGFEM_SHELLI_RESIDUAL);
     dgfem_real scale, extent = dgfem_shelli_extent(shell);
     (void)dgfem_shelli_collect_held(shell);
+    if (shell->desc.damping_stiffness > 0) dgfem_shelli_keep_strains(shell);
     memcpy(v, shell->velocity, dgfem_shelli_bytes(shell));
     dgfem_shelli_hold_velocities(shell, h, v);
     info->contacts = dgfem_shelli_step_residual(shell, h, v, x, r, &scale);

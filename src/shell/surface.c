@@ -119,6 +119,19 @@ static void dgfem_shelli_add_rims(dgfem_shell_surface *surface, const dgfem_shel
     }
 }
 
+/* Whether the numbers of triangles' corners and of lattice points, on all sheets, are ints. */
+static int dgfem_shelli_surface_fits(const dgfem_shell *shell, const dgfem_shell_surface_desc *desc) {
+    const size_t sheets = (size_t)desc->sides, m = (size_t)desc->subdivision, limit = INT_MAX;
+    size_t points = 0, corners = 0;
+    for (int e = 0; e < shell->element_count; e++) {
+        int nodes = shell->elements[e].node_count;
+        points += sheets * (size_t)dgfem_shelli_lattice_size(nodes, desc->subdivision);
+        corners += 3 * sheets * m * m * (nodes == 8 ? 2 : 1) + 6 * m * (size_t)nodes / 2;
+        if (points > limit || corners > limit) return 0;
+    }
+    return 1;
+}
+
 static int dgfem_shelli_surface_build(dgfem_shell_surface *surface, const dgfem_shell *shell) {
     const dgfem_hooks *hooks = &surface->hooks;
     dgfem_shelli_scratch scratch = dgfem_shelli_scratch_make(hooks);
@@ -165,6 +178,10 @@ DGFEM_API dgfem_status dgfem_shell_surface_create(const dgfem_shell *shell, cons
     if (desc->subdivision < 1 || desc->subdivision > 64 || desc->sides < 1 || desc->sides > 2)
         return dgfem_shelli_fail(&desc->hooks, DGFEM_ERROR_ARGUMENT, "surface: subdivision %d, sides %d",
                                  desc->subdivision, desc->sides);
+    if (!dgfem_shelli_surface_fits(shell, desc))
+        return dgfem_shelli_fail(&desc->hooks, DGFEM_ERROR_ARGUMENT,
+                                 "surface: %d elements with subdivision %d give more triangles than an int can count",
+                                 shell->element_count, desc->subdivision);
     dgfem_shell_surface *surface = (dgfem_shell_surface *)dgfem_shelli_allocate(&desc->hooks, 1, sizeof *surface);
     if (!surface) return dgfem_shelli_fail_memory(&desc->hooks);
     surface->hooks = desc->hooks;

@@ -4,9 +4,8 @@
 
 /* Work vectors of all nodes. */
 enum {
-    DGFEM_SHELLI_X,     /* trial positions */
-    DGFEM_SHELLI_V,     /* trial velocities */
-    DGFEM_SHELLI_START, /* positions at the beginning */
+    DGFEM_SHELLI_X, /* trial positions */
+    DGFEM_SHELLI_V, /* trial velocities */
     DGFEM_SHELLI_RESIDUAL,
     DGFEM_SHELLI_FORCE,
     DGFEM_SHELLI_RHS,
@@ -95,7 +94,9 @@ static int dgfem_shelli_lay_out(const dgfem_shell *shell, dgfem_shell_system *sy
     system->points = (dgfem_shelli_point *)dgfem_shelli_allocate(hooks, points, sizeof *system->points);
     system->nodes = (int *)dgfem_shelli_allocate(hooks, DGFEM_SHELLI_MAX_GROUP * groups, sizeof(int));
     system->rotations = (dgfem_mat3 *)dgfem_shelli_allocate(hooks, points, sizeof(dgfem_mat3));
-    if (!system->groups || !system->points || !system->nodes || !system->rotations) return 0;
+    system->strain_before =
+        (dgfem_real *)dgfem_shelli_allocate(hooks, points, DGFEM_SHELLI_MAX_ROWS * sizeof(dgfem_real));
+    if (!system->groups || !system->points || !system->nodes || !system->rotations || !system->strain_before) return 0;
     for (int q = 0; q < system->point_count; q++) system->rotations[q] = dgfem_shelli_identity();
     system->group_count = system->point_count = 0;
     for (int e = 0; e < shell->element_count; e++)
@@ -108,8 +109,14 @@ static int dgfem_shelli_lay_out(const dgfem_shell *shell, dgfem_shell_system *sy
                 i, shell->edges[i].element, DGFEM_SHELLI_EDGE_POINTS, totals);
     system->strains = (dgfem_real *)dgfem_shelli_allocate(hooks, totals->strains, sizeof(dgfem_real));
     system->gradients = (dgfem_vec3 *)dgfem_shelli_allocate(hooks, totals->gradients, sizeof(dgfem_vec3));
+    system->group_force = (dgfem_vec3 *)dgfem_shelli_allocate(hooks, (size_t)system->node_total, sizeof(dgfem_vec3));
+    system->group_energy = (dgfem_real *)dgfem_shelli_allocate(hooks, groups, sizeof(dgfem_real));
+    system->dense_count = hooks->parallel_for ? 128 : 1;
+    system->dense = (dgfem_real *)dgfem_shelli_allocate(hooks, (size_t)system->dense_count * DGFEM_SHELLI_DENSE,
+                                                        sizeof(dgfem_real));
     system->map = (size_t *)dgfem_shelli_allocate(hooks, totals->pairs, sizeof(size_t));
-    return system->strains && system->gradients && system->map;
+    return system->strains && system->gradients && system->map && system->group_force && system->group_energy &&
+           system->dense;
 }
 
 /* ---- matrix ---- */
@@ -190,6 +197,10 @@ static void dgfem_shelli_system_destroy(const dgfem_hooks *hooks, dgfem_shell_sy
     dgfem_shelli_free(hooks, system->gradients);
     dgfem_shelli_free(hooks, system->map);
     dgfem_shelli_free(hooks, system->rotations);
+    dgfem_shelli_free(hooks, system->strain_before);
+    dgfem_shelli_free(hooks, system->group_force);
+    dgfem_shelli_free(hooks, system->group_energy);
+    dgfem_shelli_free(hooks, system->dense);
     dgfem_shelli_free(hooks, system->diagonal);
     dgfem_shelli_free(hooks, system->held);
     dgfem_shelli_free(hooks, system->free_part);
@@ -271,6 +282,7 @@ static dgfem_status dgfem_shelli_build(dgfem_shell *shell, const dgfem_shell_des
     status = dgfem_shelli_read_vertices(shell, desc);
     if (!status && !given) status = dgfem_shelli_place_middles(shell, desc);
     if (!status) status = dgfem_shelli_check_used(shell);
+    if (!status && given) status = dgfem_shelli_check_given(shell);
     if (!status) status = dgfem_shelli_connect(shell);
     if (!status) status = dgfem_shelli_measure(shell);
     if (!status) status = dgfem_shelli_check_convex(shell);
