@@ -71,7 +71,7 @@ build/common/%.o: examples/common/%.c $(PRODUCTS) $(COMMON)
 build/examples/%: examples/%.c $(PRODUCTS) $(COMMON) $(OBJECTS)
 	@mkdir -p $(@D)
 	$(CC) -std=c99 $(POSIX) $(CFLAGS) $(WARNINGS) $(INCLUDES) -DDGFEM_IMPLEMENTED -DDGFEM_SHELL_IMPLEMENTED \
-	-o $@.$$$$ $< $(OBJECTS) -lm && mv $@.$$$$ $@
+	-DDGFEM_MVC_IMPLEMENTED -o $@.$$$$ $< $(OBJECTS) -lm && mv $@.$$$$ $@
 
 # The bunny comes as a JavaScript module from npm; without it the demo uses a shape of its own.
 build/bunny.obj:
@@ -150,15 +150,21 @@ check-long: ## the long campaigns of the tests, with all sanitizers, and all tes
 
 # ---- benchmarks -----------------------------------------------------------------------------------------------------
 
+# The solver's peer, where it is installed.
+build/bench/bench_solver: PEERS = $(shell echo 'int main(void) { return 0; }' | \
+	$(CC) -include suitesparse/cholmod.h -o build/bench/probe -x c - -lcholmod -lopenblas 2> /dev/null && \
+	rm build/bench/probe && echo -DHAVE_CHOLMOD -lcholmod -lopenblas)
+
 build/bench/%: bench/%.c $(PRODUCTS) $(COMMON) $(wildcard bench/*.h)
 	@mkdir -p $(@D)
 	@$(CC) -std=c99 $(POSIX) $(BENCH_FLAGS) $(WARNINGS) $(INCLUDES) -Ibench -o $@.$$$$ $< \
-	$(filter examples/common/%.c,$^) -lm && mv $@.$$$$ $@
+	$(filter examples/common/%.c,$^) $(PEERS) -lm && mv $@.$$$$ $@
 
-bench: $(BENCHES) ## builds and runs the benchmarks
-	@.ci/need --optional npm
-	@$(MAKE) --no-print-directory build/bunny.obj
-	@for program in $(BENCHES); do echo "-- $$program"; $$program || exit 1; done
+bench: ## builds and runs the benchmarks
+	@.ci/need --optional npm libsuitesparse-dev libopenblas-dev
+	@$(MAKE) --no-print-directory build/bunny.obj $(BENCHES)
+	@for program in $(BENCHES); do echo "-- $$program"; \
+	OMP_THREAD_LIMIT=1 OPENBLAS_NUM_THREADS=1 $$program || exit 1; done
 
 # ---- the paper's experiments ----------------------------------------------------------------------------------------
 

@@ -209,11 +209,13 @@
    basis.c            The polynomial basis of an element: centred, scaled monomials ((x - c)/s)^(i,j,k), i + j + k <=
                       degree.
    forms.c            The integrals behind the weak form, from moments alone, in the unrotated material.
+   panel.c            Panels of the Cholesky factor, and the instruction sets that their dense kernels are compiled for
+                      and chosen from.
    sparse.c           Symmetric matrix in dense blocks of any sizes.
    ordering.c         Fill-reducing orderings of the blocks: minimum degree and geometric nested dissection.
-   panel.c            Dense kernels of the sparse Cholesky factorization.
-   cholesky.c         Sparse Cholesky factorization A = L L^T of matrices in blocks: symbolic analysis, multifrontal
-                      factorization, solves.
+   symbolic.c         Symbolic analysis of the sparse Cholesky factorization A = L L^T of matrices in blocks.
+   cholesky.c         Sparse Cholesky factorization A = L L^T of matrices in blocks: multifrontal factorization,
+                      solves.
    pcg.c              Conjugate gradients, preconditioned by the inverse diagonal blocks.
    locate.c           Which element of a mesh contains a point, or is nearest to it: winding numbers of elements,
                       distances of faces, and buckets of element boxes that keep the search short.
@@ -243,6 +245,8 @@
    blade.c            A blade: a plane, or the part of a plane inside a simple polygon.
    skin.c             A render mesh that follows a body: positions by embedding, normals from its own triangles.
    skin_split.c       Cutting a render mesh along with its body.
+   skin_layer.c       What a blade meets of a body, in layers: elements that the blade's plane crosses and that hang
+                      together through glued faces.
    skin_cap.c         Second part of cutting a render mesh: the cross-section.
    skin_cut.c         Third part of cutting a render mesh: the vertices on both sides, the walls, and which elements
                       carry them.
@@ -709,9 +713,21 @@ typedef enum dgfem_ordering {
     DGFEM_ORDERING_NESTED_DISSECTION  /* needs the matrix's centres */
 } dgfem_ordering;
 
+/* The instruction set that dense kernels use. Results differ in round-off from one to another. */
+typedef enum dgfem_simd {
+    DGFEM_SIMD_AUTO,   /* the best one that was compiled and that the machine has */
+    DGFEM_SIMD_NONE,   /* plain C; the only one with DGFEM_NO_SIMD */
+    DGFEM_SIMD_SSE2,   /* x86, if compiled by gcc or clang: chosen at run time */
+    DGFEM_SIMD_AVX2,   /* with FMA */
+    DGFEM_SIMD_AVX512, /* F */
+    DGFEM_SIMD_NEON,   /* 64-bit ARM */
+    DGFEM_SIMD_WASM    /* simd128 */
+} dgfem_simd;
+
 typedef struct dgfem_cholesky_desc {
     unsigned cookie;
     dgfem_ordering ordering;
+    dgfem_simd simd; /* default DGFEM_SIMD_AUTO; DGFEM_ERROR_ARGUMENT where one that is asked for is not to be had */
     dgfem_hooks hooks;
 } dgfem_cholesky_desc;
 
@@ -723,6 +739,7 @@ typedef struct dgfem_cholesky_info {
     double factor_entries;    /* numbers in L, without the zeros that are stored with them */
     double factor_flops;      /* multiplications and additions of one factorization, without those on such zeros */
     int supernodes;           /* dense panels that L is stored in */
+    dgfem_simd simd;          /* the instruction set in use */
 } dgfem_cholesky_info;
 
 DGFEM_API dgfem_cholesky_desc dgfem_default_cholesky_desc(void);
@@ -742,6 +759,11 @@ DGFEM_API dgfem_status dgfem_cholesky_factor(dgfem_cholesky *cholesky, const dgf
 /* Solves A x = b by the last factorization; b and x may be the same vector. Allocates nothing: the object's own work
    vector serves one solve at a time. DGFEM_ERROR_ARGUMENT when the last factorization failed or there was none. */
 DGFEM_API dgfem_status dgfem_cholesky_solve(const dgfem_cholesky *cholesky, const dgfem_real *b, dgfem_real *x);
+
+/* The same for `count` right-hand sides, one after the other in b, and their solutions in x. L is read once for several
+   of them; each solution has the bits that dgfem_cholesky_solve gives. */
+DGFEM_API dgfem_status dgfem_cholesky_solve_many(const dgfem_cholesky *cholesky, int count, const dgfem_real *b,
+                                                 dgfem_real *x);
 
 typedef struct dgfem_pcg_desc {
     unsigned cookie;
@@ -6598,6 +6620,8 @@ typedef struct dgfemi_segment_head {
 /* Zeroed memory with `mesh` set is a valid one. It serves many planes: what it allocates is kept. */
 typedef struct dgfemi_joiner {
     const dgfem_mesh *mesh;
+    int *label;                 /* [vertex_count] a hole belongs to a loop of its own label, if there is one; or NULL */
+    int drop_open;              /* 1: chains that do not close are dropped; 0: they are an error */
     int axis_u, axis_v;         /* the two coordinates looked at, right-handed about the normal */
     dgfemi_segment_head *heads; /* [vertex_count] first segment that leaves the vertex */
     int heads_capacity;
@@ -6744,9 +6768,13 @@ static dgfem_status dgfemi_join_loops(dgfemi_joiner *joiner, dgfemi_segments *se
             if (!dgfemi_push(hooks, &joiner->vertices, segments->data[i].from)) return DGFEM_ERROR_MEMORY;
             end = segments->data[i].to;
             i = dgfemi_join_follow(joiner, segments, i);
-            if (i == DGFEM_NONE)
-                return dgfemi_fail(hooks, DGFEM_ERROR_INVARIANT, "the cut does not close at vertex %d", end);
-        } while (i != first);
+        } while (i != first && i != DGFEM_NONE);
+        if (i == DGFEM_NONE && !joiner->drop_open)
+            return dgfemi_fail(hooks, DGFEM_ERROR_INVARIANT, "the cut does not close at vertex %d", end);
+        if (i == DGFEM_NONE) {
+            joiner->vertices.count = joiner->start.data[joiner->start.count - 1];
+            continue;
+        }
         if (!dgfemi_push(hooks, &joiner->start, joiner->vertices.count)) return DGFEM_ERROR_MEMORY;
     }
     return DGFEM_OK;
@@ -6786,12 +6814,13 @@ static int dgfemi_join_cross(const dgfemi_joiner *joiner, int a, int b, dgfem_re
 
 /* The loop that a ray from this loop's vertex of smallest u towards smaller u meets first. An edge that bounds the
    region there has it on the side of larger u and so runs down, towards smaller v. For a loop that is known to be a hole
-   only such edges count; any other loop is a hole if the first edge of all is such a one. DGFEM_NONE: no hole.
+   only such edges count; any other loop is a hole if the first edge of all is such a one. Only loops of its `label`
+   count, which may be NULL. DGFEM_NONE: no hole.
 
           |   region    +---+
           v  <----------+   |  hole
           |             +---+                                                                     */
-static int dgfemi_join_hole_neighbour(const dgfemi_joiner *joiner, int hole, int known) {
+static int dgfemi_join_hole_neighbour(const dgfemi_joiner *joiner, int hole, int known, const int *label) {
     const int *vertices = joiner->vertices.data, *start = joiner->start.data;
     int extreme = vertices[start[hole]], nearest = DGFEM_NONE, nearest_down = 0, loop, i, down;
     dgfem_real u, v, at, best = 0;
@@ -6800,7 +6829,7 @@ static int dgfemi_join_hole_neighbour(const dgfemi_joiner *joiner, int hole, int
     u = dgfemi_join_u(joiner, extreme), v = dgfemi_join_v(joiner, extreme);
     for (loop = 0; loop < dgfemi_join_loop_count(joiner); loop++) {
         int a, b = vertices[start[loop + 1] - 1];
-        if (loop == hole) continue;
+        if (loop == hole || (label && label[b] != label[extreme])) continue;
         for (i = start[loop]; i < start[loop + 1]; i++) {
             a = b, b = vertices[i];
             if (!dgfemi_join_cross(joiner, a, b, u, v, &at, &down) || (known && !down)) continue;
@@ -6823,7 +6852,9 @@ static dgfem_status dgfemi_join_regions(dgfemi_joiner *joiner) {
     for (loop = 0; loop < count; loop++) {
         dgfem_real noise, area = dgfemi_join_area(joiner, loop, &noise);
         if (area > noise) continue;
-        owner[loop] = dgfemi_join_hole_neighbour(joiner, loop, area < -noise);
+        owner[loop] = dgfemi_join_hole_neighbour(joiner, loop, area < -noise, joiner->label);
+        if (owner[loop] == DGFEM_NONE && joiner->label && area < -noise)
+            owner[loop] = dgfemi_join_hole_neighbour(joiner, loop, 1, NULL);
         if (owner[loop] == DGFEM_NONE) owner[loop] = loop;
     }
     for (loop = 0; loop < count; loop++) {
@@ -9757,6 +9788,3590 @@ static dgfem_status dgfemi_fit_ghost(const dgfem_body *body, const dgfemi_face_f
     return DGFEM_OK;
 }
 
+/* ==== panel.c ===================================================================================================== */
+
+/* Panels of the Cholesky factor, and the instruction sets that their dense kernels are compiled for and chosen from.
+
+   A panel is what one supernode has of L: a lower triangle D over a rectangle B, of the same columns. It is stored in
+   strips of rows (see kernels.c), first those of D, then those of B, each padded with rows of zeros to whole strips.
+   D's diagonal holds the reciprocals of L's. The update U of a supernode is stored in strips of the same size, each
+   with the columns up to its own last row. */
+
+typedef struct dgfemi_panel {
+    dgfem_real *values;
+    int width, height; /* columns; rows of B */
+} dgfemi_panel;
+
+/* Consecutive rows (or columns) of a child's update that are consecutive in its parent's front too, on one side of its
+   width. */
+typedef struct dgfemi_run {
+    int row, front_row, length;
+} dgfemi_run;
+
+/* A child's update and where it goes: its columns by runs; its rows by segments, which are runs cut at the ends of all
+   strips. Either the columns of the panel are added to, then update is NULL, or those of the front's own update. */
+typedef struct dgfemi_extension {
+    const dgfem_real *child;
+    const dgfemi_run *runs, *segments;
+    int run_count;
+    dgfemi_panel panel;
+    dgfem_real *update;
+} dgfemi_extension;
+
+/* A stored block of A and where it goes in a front: as it is, or transposed where the order of elimination swaps its
+   row and column. */
+typedef struct dgfemi_entry {
+    int block, rows, columns;
+    int front_row, front_column, transposed;
+} dgfemi_entry;
+
+/* The kernels for one instruction set. Ranges are of strips, or of segments. */
+typedef struct dgfemi_kernels {
+    dgfem_simd simd;
+    int strip, tile, lanes; /* rows of a strip, columns of a tile, reals of a vector */
+    int (*factor_strips)(const dgfemi_panel *p, int first, int last, int from, int to, const dgfem_real *diagonal);
+    void (*update_strips)(const dgfemi_panel *p, int first, int last, int from, int to);
+    void (*make_update)(const dgfemi_panel *p, dgfem_real *u, int first, int last);
+    void (*clear_panel)(const dgfemi_panel *p, int first, int last);
+    void (*add_update)(const dgfemi_extension *extension, int first, int last);
+    void (*add_block)(const dgfemi_panel *p, const dgfemi_entry *entry, const dgfem_real *block);
+    void (*solve_panel)(const dgfemi_panel *p, dgfem_real *x, dgfem_real *below);
+    void (*solve_panel_transposed)(const dgfemi_panel *p, dgfem_real *x, const dgfem_real *below, dgfem_real *sums);
+    void (*multiply_block)(const dgfem_real *a, int rows, int columns, const dgfem_real *x, dgfem_real *y,
+                           const dgfem_real *z, dgfem_real *w);
+} dgfemi_kernels;
+
+#ifdef DGFEM_USE_BLAS
+# include <cblas.h>
+#endif
+
+enum {
+    DGFEM_PANEL_COLUMNS = 240, /* columns that are factored before they update the rest; whole strips of every path */
+    DGFEM_UPDATE_COLUMNS = 144 /* columns that are updated together: their strips stay in cache; likewise */
+};
+
+/* A pivot that round-off has left of the diagonal element of A carries no digit: such a matrix is singular to working
+   precision, and the pivot counts as not positive. */
+#define DGFEM_PIVOT_THRESHOLD ((dgfem_real)(8 * DGFEM_EPSILON))
+
+static int dgfemi_pivot_is_good(dgfem_real pivot, dgfem_real diagonal) {
+    return pivot > DGFEM_PIVOT_THRESHOLD * dgfemi_abs(diagonal) && dgfemi_is_finite(pivot);
+}
+
+/* Loops of a few constant iterations, whose arrays then live in registers; and the one that must not be unrolled. */
+#if defined(__clang__)
+#define DGFEM_UNROLL _Pragma("clang loop unroll(full)")
+#define DGFEM_ROLLED _Pragma("clang loop unroll(disable)")
+#elif defined(__GNUC__)
+#define DGFEM_UNROLL _Pragma("GCC unroll 16")
+#define DGFEM_ROLLED _Pragma("GCC unroll 1")
+#else
+#define DGFEM_UNROLL
+#define DGFEM_ROLLED
+#endif
+
+/* ---- plain C ---- */
+
+#define DGFEM_PATH(name) name##_plain
+#define DGFEM_PATH_ID DGFEM_SIMD_NONE
+#define DGFEM_VECTOR dgfem_real
+#define DGFEM_V_LANES 1
+#define DGFEM_VECTORS 4
+#define DGFEM_TILE 4
+#define DGFEM_V_LOAD(p) (*(p))
+#define DGFEM_V_STORE(p, v) (*(p) = (v))
+#define DGFEM_V_ALL(x) ((dgfem_real)(x))
+#define DGFEM_V_ADD(a, b) ((a) + (b))
+#define DGFEM_V_SUB(a, b) ((a) - (b))
+#define DGFEM_V_MUL(a, b) ((a) * (b))
+#define DGFEM_V_FMA(a, b, c) ((a) * (b) + (c))
+#define DGFEM_V_FNMA(a, b, c) ((c) - (a) * (b))
+/* Dense kernels of the sparse Cholesky factorization and of products with blocks, written once: this part is inserted for each instruction set,
+   which simd.c describes by
+
+       DGFEM_PATH(name)                       the name with the instruction set's suffix
+       DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
+       DGFEM_VECTORS, DGFEM_TILE              vectors in a strip, columns of a tile (even; divides a strip's rows)
+       DGFEM_V_LOAD(p) _STORE(p, v) _ALL(x)   and _ADD(a, b), _SUB(a, b), _MUL(a, b)
+       DGFEM_V_FMA(a, b, c) _FNMA(a, b, c)    a b + c, c - a b
+
+   A strip is DGFEM_STRIP rows of a matrix, one column after the other: element (r, k) is strip[k * DGFEM_STRIP + r]. So
+   both operands of every product come in the order in which the innermost loop reads them: A's tile as vectors, B's as
+   single numbers. Rows that fill up the last strip of a matrix are zeros.
+
+   The functions that end in `tile` work on `columns` columns and on the vectors from `first` to the end of a strip with
+   `vectors` of them: those above a diagonal, and those that only fill up, are left out. */
+
+#define DGFEM_STRIP (DGFEM_V_LANES * DGFEM_VECTORS)
+
+/* ---- tiles ---- */
+
+/* sum[c * vectors + v] = sum over k of a(v, k) b(c, k): the loop that does nearly all the work of a factorization. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply)(const dgfem_real *a, const dgfem_real *b, int count, int vectors,
+                                              int columns, DGFEM_VECTOR *sum) {
+    int c, v;
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++) sum[c * vectors + v] = DGFEM_V_ALL(0);
+    }
+    DGFEM_ROLLED
+    for (; count > 0; count--, a += DGFEM_STRIP, b += DGFEM_STRIP) {
+        DGFEM_VECTOR x[DGFEM_VECTORS];
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++) x[v] = DGFEM_V_LOAD(a + v * DGFEM_V_LANES);
+        DGFEM_UNROLL
+        for (c = 0; c < columns; c++) {
+            DGFEM_VECTOR y = DGFEM_V_ALL(b[c]);
+            DGFEM_UNROLL
+            for (v = 0; v < vectors; v++) sum[c * vectors + v] = DGFEM_V_FMA(x[v], y, sum[c * vectors + v]);
+        }
+    }
+}
+
+/* x -= a b^T; then, unless t is NULL, x = x T^-T, T the square part of a tile on the diagonal. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_subtract)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                              const dgfem_real *t, int vectors, int columns) {
+    DGFEM_VECTOR sum[DGFEM_TILE * DGFEM_VECTORS];
+    int c, d, v;
+    DGFEM_PATH(dgfemi_multiply)(a, b, count, vectors, columns, sum);
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++)
+            sum[c * vectors + v] =
+                DGFEM_V_SUB(DGFEM_V_LOAD(x + c * DGFEM_STRIP + v * DGFEM_V_LANES), sum[c * vectors + v]);
+    }
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        if (t) {
+            DGFEM_VECTOR reciprocal = DGFEM_V_ALL(t[c * DGFEM_STRIP + c]);
+            DGFEM_UNROLL
+            for (v = 0; v < vectors; v++) sum[c * vectors + v] = DGFEM_V_MUL(sum[c * vectors + v], reciprocal);
+            DGFEM_UNROLL
+            for (d = c + 1; d < columns; d++) {
+                DGFEM_VECTOR factor = DGFEM_V_ALL(t[c * DGFEM_STRIP + d]);
+                DGFEM_UNROLL
+                for (v = 0; v < vectors; v++)
+                    sum[d * vectors + v] = DGFEM_V_FNMA(sum[c * vectors + v], factor, sum[d * vectors + v]);
+            }
+        }
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++)
+            DGFEM_V_STORE(x + c * DGFEM_STRIP + v * DGFEM_V_LANES, sum[c * vectors + v]);
+    }
+}
+
+/* u = -a b^T, or with `add` u -= a b^T. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_store)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *u, int add,
+                                           int vectors, int columns) {
+    DGFEM_VECTOR sum[DGFEM_TILE * DGFEM_VECTORS];
+    int c, v;
+    DGFEM_PATH(dgfemi_multiply)(a, b, count, vectors, columns, sum);
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++) {
+            dgfem_real *to = u + c * DGFEM_STRIP + v * DGFEM_V_LANES;
+            DGFEM_V_STORE(to, DGFEM_V_SUB(add ? DGFEM_V_LOAD(to) : DGFEM_V_ALL(0), sum[c * vectors + v]));
+        }
+    }
+}
+
+/* Calls a kernel with constants for the vectors from `first` to `vectors` and for whole or half tiles. */
+#if DGFEM_VECTORS > 2
+#define DGFEM_CASE_3(call, columns) case 3: call(3, columns); break;
+#else
+#define DGFEM_CASE_3(call, columns)
+#endif
+#if DGFEM_VECTORS > 3
+#define DGFEM_CASE_4(call, columns) case 4: call(4, columns); break;
+#else
+#define DGFEM_CASE_4(call, columns)
+#endif
+#define DGFEM_SWITCH(vectors, call, columns) \
+    switch (vectors) {                       \
+    case 1: call(1, columns); break;         \
+    case 2: call(2, columns); break;         \
+    DGFEM_CASE_3(call, columns)              \
+    DGFEM_CASE_4(call, columns)              \
+    default: break;                          \
+    }
+
+/* The same for any number of columns; the tile's other columns are computed and dropped. */
+static void DGFEM_PATH(dgfemi_subtract_part)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                             const dgfem_real *t, int vectors, int columns) {
+    DGFEM_VECTOR sum[DGFEM_TILE * DGFEM_VECTORS], *s = sum;
+    int c, d, v;
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_multiply)(a, b, count, n, m, sum)
+    DGFEM_SWITCH(vectors, DGFEM_CALL, DGFEM_TILE)
+#undef DGFEM_CALL
+    for (c = 0; c < columns; c++, s += vectors)
+        for (v = 0; v < vectors; v++) s[v] = DGFEM_V_SUB(DGFEM_V_LOAD(x + c * DGFEM_STRIP + v * DGFEM_V_LANES), s[v]);
+    for (c = 0, s = sum; c < columns; c++, s += vectors) {
+        for (v = 0; t && v < vectors; v++) s[v] = DGFEM_V_MUL(s[v], DGFEM_V_ALL(t[c * DGFEM_STRIP + c]));
+        for (d = c + 1; t && d < columns; d++)
+            for (v = 0; v < vectors; v++)
+                sum[d * vectors + v] = DGFEM_V_FNMA(s[v], DGFEM_V_ALL(t[c * DGFEM_STRIP + d]), sum[d * vectors + v]);
+        for (v = 0; v < vectors; v++) DGFEM_V_STORE(x + c * DGFEM_STRIP + v * DGFEM_V_LANES, s[v]);
+    }
+}
+
+static void DGFEM_PATH(dgfemi_subtract_tile)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                             int first, int vectors, int columns) {
+    if (count == 0) return;
+    a += first * DGFEM_V_LANES;
+    x += first * DGFEM_V_LANES;
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_subtract)(a, b, count, x, NULL, n, m)
+    if (columns == DGFEM_TILE) DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE)
+    else if (columns == DGFEM_TILE / 2) DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE / 2)
+    else DGFEM_PATH(dgfemi_subtract_part)(a, b, count, x, NULL, vectors - first, columns);
+#undef DGFEM_CALL
+}
+
+static void DGFEM_PATH(dgfemi_solve_tile)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                          const dgfem_real *t, int vectors, int columns) {
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_subtract)(a, b, count, x, t, n, m)
+    if (columns == DGFEM_TILE) DGFEM_SWITCH(vectors, DGFEM_CALL, DGFEM_TILE)
+    else if (columns == DGFEM_TILE / 2) DGFEM_SWITCH(vectors, DGFEM_CALL, DGFEM_TILE / 2)
+    else DGFEM_PATH(dgfemi_subtract_part)(a, b, count, x, t, vectors, columns);
+#undef DGFEM_CALL
+}
+
+/* May write the whole tile, or half of it where `columns` are no more. */
+static void DGFEM_PATH(dgfemi_store_tile)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *u, int add,
+                                          int first, int vectors, int columns) {
+    a += first * DGFEM_V_LANES;
+    u += first * DGFEM_V_LANES;
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_store)(a, b, count, u, add, n, m)
+    if (columns > DGFEM_TILE / 2) DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE)
+    else DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE / 2)
+#undef DGFEM_CALL
+}
+
+/* Cholesky of the square part of a tile on the diagonal, whose first column is row `offset` of the strip; solves for
+   the rows below. Returns the column whose pivot fails, or DGFEM_NONE. */
+static int DGFEM_PATH(dgfemi_factor_tile)(dgfem_real *x, int columns, int offset, int vectors,
+                                          const dgfem_real *diagonal) {
+    int c, d, r, v;
+    for (c = 0; c < columns; c++) {
+        dgfem_real *xc = x + c * DGFEM_STRIP;
+        dgfem_real pivot = xc[offset + c], reciprocal;
+        if (!dgfemi_pivot_is_good(pivot, diagonal[c])) return c;
+        reciprocal = 1 / dgfemi_sqrt(pivot);
+        for (r = 0; r < offset + c; r++) xc[r] = 0;
+        for (v = (offset + c) / DGFEM_V_LANES; v < vectors; v++) {
+            DGFEM_VECTOR scaled = DGFEM_V_MUL(DGFEM_V_LOAD(xc + v * DGFEM_V_LANES), DGFEM_V_ALL(reciprocal));
+            DGFEM_V_STORE(xc + v * DGFEM_V_LANES, scaled);
+        }
+        for (d = c + 1; d < columns; d++) {
+            DGFEM_VECTOR factor = DGFEM_V_ALL(xc[offset + d]);
+            for (v = (offset + d) / DGFEM_V_LANES; v < vectors; v++) {
+                dgfem_real *xd = x + d * DGFEM_STRIP + v * DGFEM_V_LANES;
+                DGFEM_V_STORE(xd, DGFEM_V_FNMA(DGFEM_V_LOAD(xc + v * DGFEM_V_LANES), factor, DGFEM_V_LOAD(xd)));
+            }
+        }
+        xc[offset + c] = reciprocal;
+    }
+    return DGFEM_NONE;
+}
+
+/* ---- panels ---- */
+
+static int DGFEM_PATH(dgfemi_strips)(int rows) { return rows / DGFEM_STRIP + (rows % DGFEM_STRIP != 0); }
+
+static dgfem_real *DGFEM_PATH(dgfemi_strip)(const dgfemi_panel *p, int strip) {
+    return p->values + (size_t)strip * DGFEM_STRIP * (size_t)p->width;
+}
+
+/* Row `row` of D, or behind D's strips of B, from column `column` on: the second operand of a product. */
+static const dgfem_real *DGFEM_PATH(dgfemi_panel_row)(const dgfemi_panel *p, int row, int column) {
+    return DGFEM_PATH(dgfemi_strip)(p, row / DGFEM_STRIP) + (size_t)column * DGFEM_STRIP + row % DGFEM_STRIP;
+}
+
+/* Vectors that hold the rows of a matrix from `row` on which are in one strip. */
+static int DGFEM_PATH(dgfemi_strip_vectors)(int rows, int row) {
+    return rows - row >= DGFEM_STRIP ? DGFEM_VECTORS : (rows - row + DGFEM_V_LANES - 1) / DGFEM_V_LANES;
+}
+
+static int DGFEM_PATH(dgfemi_panel_vectors)(const dgfemi_panel *p, int strip) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width);
+    return strip < pivot_strips ? DGFEM_PATH(dgfemi_strip_vectors)(p->width, strip * DGFEM_STRIP)
+                                : DGFEM_PATH(dgfemi_strip_vectors)(p->height, (strip - pivot_strips) * DGFEM_STRIP);
+}
+
+/* The column that a strip's columns end before: those of D end at the diagonal. */
+static int DGFEM_PATH(dgfemi_strip_end)(const dgfemi_panel *p, int strip, int limit) {
+    int end = strip < DGFEM_PATH(dgfemi_strips)(p->width) ? (strip + 1) * DGFEM_STRIP : p->width;
+    if (end > p->width) end = p->width;
+    return end < limit ? end : limit;
+}
+
+static int DGFEM_PATH(dgfemi_tile_columns)(int column, int end) {
+    return end - column < DGFEM_TILE ? end - column : DGFEM_TILE;
+}
+
+/* Columns from <= k < to of one strip of L, those before `from` being done with. The rows of D that they meet are
+   finished. Returns the column whose pivot fails, or DGFEM_NONE. */
+static int DGFEM_PATH(dgfemi_factor_strip)(const dgfemi_panel *p, int strip, int from, int to,
+                                           const dgfem_real *diagonal) {
+    dgfem_real *values = DGFEM_PATH(dgfemi_strip)(p, strip);
+    const dgfem_real *a = values + (size_t)from * DGFEM_STRIP;
+    int end = DGFEM_PATH(dgfemi_strip_end)(p, strip, to), vectors = DGFEM_PATH(dgfemi_panel_vectors)(p, strip), j;
+    for (j = from; j < end; j += DGFEM_TILE) {
+        dgfem_real *x = values + (size_t)j * DGFEM_STRIP;
+        const dgfem_real *b = DGFEM_PATH(dgfemi_panel_row)(p, j, from);
+        int columns = DGFEM_PATH(dgfemi_tile_columns)(j, end), offset = j % DGFEM_STRIP, failed;
+        if (strip != j / DGFEM_STRIP) {
+            DGFEM_PATH(dgfemi_solve_tile)(a, b, j - from, x, b + (size_t)(j - from) * DGFEM_STRIP, vectors, columns);
+            continue;
+        }
+        DGFEM_PATH(dgfemi_subtract_tile)(a, b, j - from, x, offset / DGFEM_V_LANES, vectors, columns);
+        failed = DGFEM_PATH(dgfemi_factor_tile)(x, columns, offset, vectors, diagonal + j);
+        if (failed != DGFEM_NONE) return j + failed;
+    }
+    return DGFEM_NONE;
+}
+
+static int DGFEM_PATH(dgfemi_factor_strips)(const dgfemi_panel *p, int first, int last, int from, int to,
+                                            const dgfem_real *diagonal) {
+    int strip;
+    for (strip = first; strip < last; strip++) {
+        int failed = DGFEM_PATH(dgfemi_factor_strip)(p, strip, from, to, diagonal);
+        if (failed != DGFEM_NONE) return failed;
+    }
+    return DGFEM_NONE;
+}
+
+/* Subtracts from the columns from `to` on what the columns from <= k < to contribute. */
+static void DGFEM_PATH(dgfemi_update_strips)(const dgfemi_panel *p, int first, int last, int from, int to) {
+    int chunk, strip, j;
+    for (chunk = to; chunk < p->width; chunk += DGFEM_UPDATE_COLUMNS)
+        for (strip = first; strip < last; strip++) {
+            dgfem_real *values = DGFEM_PATH(dgfemi_strip)(p, strip);
+            int end = DGFEM_PATH(dgfemi_strip_end)(p, strip, chunk + DGFEM_UPDATE_COLUMNS);
+            int vectors = DGFEM_PATH(dgfemi_panel_vectors)(p, strip);
+            for (j = chunk; j < end; j += DGFEM_TILE)
+                DGFEM_PATH(dgfemi_subtract_tile)(values + (size_t)from * DGFEM_STRIP,
+                                                 DGFEM_PATH(dgfemi_panel_row)(p, j, from), to - from,
+                                                 values + (size_t)j * DGFEM_STRIP,
+                                                 strip == j / DGFEM_STRIP ? j % DGFEM_STRIP / DGFEM_V_LANES : 0, vectors,
+                                                 DGFEM_PATH(dgfemi_tile_columns)(j, end));
+        }
+}
+
+/* Where strip `strip` of an update begins: it has all columns up to its own last row, the strips before it likewise. */
+static size_t DGFEM_PATH(dgfemi_update_strip)(int strip) {
+    return (size_t)strip * ((size_t)strip + 1) / 2 * DGFEM_STRIP * DGFEM_STRIP;
+}
+
+/* U = -B B^T, lower half, the strips first <= i < last of it. What is above the diagonal stays undefined. */
+static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u, int first, int last) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), from, chunk, strip, j;
+    for (from = 0; from < p->width; from += DGFEM_PANEL_COLUMNS) {
+        int count = p->width - from < DGFEM_PANEL_COLUMNS ? p->width - from : DGFEM_PANEL_COLUMNS;
+        for (chunk = 0; chunk < last * DGFEM_STRIP; chunk += DGFEM_UPDATE_COLUMNS)
+            for (strip = first; strip < last; strip++) {
+                const dgfem_real *a =
+                    DGFEM_PATH(dgfemi_strip)(p, pivot_strips + strip) + (size_t)from * DGFEM_STRIP;
+                int row = strip * DGFEM_STRIP, vectors = DGFEM_PATH(dgfemi_strip_vectors)(p->height, row);
+                int end = row + DGFEM_STRIP < p->height ? row + DGFEM_STRIP : p->height;
+                if (end > chunk + DGFEM_UPDATE_COLUMNS) end = chunk + DGFEM_UPDATE_COLUMNS;
+                for (j = chunk; j < end; j += DGFEM_TILE)
+                    DGFEM_PATH(dgfemi_store_tile)(
+                        a, DGFEM_PATH(dgfemi_panel_row)(p, pivot_strips * DGFEM_STRIP + j, from), count,
+                        u + DGFEM_PATH(dgfemi_update_strip)(strip) + (size_t)j * DGFEM_STRIP, from > 0,
+                        j > row ? (j - row) / DGFEM_V_LANES : 0, vectors, end - j);
+            }
+    }
+}
+
+/* ---- assembly ---- */
+
+/* Zeros strips of a panel, but for what no one reads above D's diagonal. */
+static void DGFEM_PATH(dgfemi_clear_panel)(const dgfemi_panel *p, int first, int last) {
+    int strip;
+    for (strip = first; strip < last; strip++)
+        memset(DGFEM_PATH(dgfemi_strip)(p, strip), 0,
+               (size_t)DGFEM_PATH(dgfemi_strip_end)(p, strip, p->width) * DGFEM_STRIP * sizeof(dgfem_real));
+}
+
+/* to += from: `columns` columns of `rows` rows of two strips. */
+static void DGFEM_PATH(dgfemi_add_rows)(dgfem_real *to, const dgfem_real *from, int columns, int rows) {
+    int vectors = rows / DGFEM_V_LANES, k, v, i;
+    if (rows == DGFEM_STRIP) vectors *= columns, columns = vectors > 0;
+    for (k = 0; k < columns; k++, to += DGFEM_STRIP, from += DGFEM_STRIP) {
+        dgfem_real sum[4];
+        for (v = 0; v < vectors; v++) {
+            dgfem_real *at = to + v * DGFEM_V_LANES;
+            DGFEM_V_STORE(at, DGFEM_V_ADD(DGFEM_V_LOAD(at), DGFEM_V_LOAD(from + v * DGFEM_V_LANES)));
+        }
+        if (rows == DGFEM_STRIP) continue;
+        for (v *= DGFEM_V_LANES; v + 4 <= rows; v += 4) {
+            for (i = 0; i < 4; i++) sum[i] = to[v + i] + from[v + i];
+            for (i = 0; i < 4; i++) to[v + i] = sum[i];
+        }
+        for (; v < rows; v++) to[v] += from[v];
+    }
+}
+
+/* Adds the rows of a child's update that the segments first <= i < last name: their columns that belong to the front's
+   panel, or those that belong to its own update. */
+static void DGFEM_PATH(dgfemi_add_update)(const dgfemi_extension *e, int first, int last) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(e->panel.width), width = e->panel.width, s, k, i;
+    for (s = first; s < last; s++) {
+        const dgfemi_run *rows = e->segments + s;
+        const dgfem_real *from = e->child + DGFEM_PATH(dgfemi_update_strip)(rows->row / DGFEM_STRIP);
+        int row = rows->front_row, shift = e->update ? width : 0;
+        dgfem_real *to;
+        if (e->update) to = e->update + DGFEM_PATH(dgfemi_update_strip)((row - width) / DGFEM_STRIP);
+        else if (row < width) to = DGFEM_PATH(dgfemi_strip)(&e->panel, row / DGFEM_STRIP);
+        else to = DGFEM_PATH(dgfemi_strip)(&e->panel, pivot_strips + (row - width) / DGFEM_STRIP);
+        to += (row < width ? row : row - width) % DGFEM_STRIP;
+        from += rows->row % DGFEM_STRIP;
+        for (k = 0; k < e->run_count && e->runs[k].row < rows->row + rows->length; k++) {
+            const dgfemi_run *columns = e->runs + k;
+            const dgfem_real *source = from + (size_t)columns->row * DGFEM_STRIP;
+            dgfem_real *target = to + (size_t)(columns->front_row - shift) * DGFEM_STRIP;
+            int whole = rows->row - columns->row, skip = 0; /* columns left of the diagonal; rows above it */
+            if (whole > columns->length) whole = columns->length;
+            if (whole > 0) DGFEM_PATH(dgfemi_add_rows)(target, source, whole, rows->length);
+            else skip = -whole, whole = 0;
+            for (; whole < columns->length && skip < rows->length; whole++, skip++)
+                for (i = skip; i < rows->length; i++)
+                    target[whole * DGFEM_STRIP + i] += source[whole * DGFEM_STRIP + i];
+        }
+    }
+}
+
+/* Adds one block of A to a panel; of diagonal blocks the lower half. */
+static void DGFEM_PATH(dgfemi_add_block)(const dgfemi_panel *p, const dgfemi_entry *entry, const dgfem_real *block) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), i, j, end;
+    int rows = entry->transposed ? entry->columns : entry->rows, columns = entry->transposed ? entry->rows : entry->columns;
+    int down = entry->transposed ? 1 : entry->columns, across = entry->transposed ? entry->columns : 1;
+    for (i = 0; i < rows; i = end) { /* the rows that are in one strip */
+        int row = entry->front_row + i, below = row >= p->width;
+        int strip = below ? pivot_strips + (row - p->width) / DGFEM_STRIP : row / DGFEM_STRIP;
+        int place = (below ? row - p->width : row) % DGFEM_STRIP, k;
+        dgfem_real *to = DGFEM_PATH(dgfemi_strip)(p, strip) + (size_t)entry->front_column * DGFEM_STRIP + place - i;
+        end = rows - i < DGFEM_STRIP - place ? rows : i + DGFEM_STRIP - place;
+        for (j = 0; j < columns; j++, to += DGFEM_STRIP) {
+            const dgfem_real *from = block + (ptrdiff_t)j * across;
+            k = entry->front_row == entry->front_column && j > i ? j : i;
+            if (down == 1)
+                for (; k < end; k++) to[k] += from[k];
+            else
+                for (; k < end; k++) to[k] += from[(ptrdiff_t)k * down];
+        }
+    }
+}
+
+/* ---- solves ---- */
+
+/* y[v] -= sum over k of strip(v, k) x[k] */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_strip_subtract)(const dgfem_real *strip, int columns, const dgfem_real *x,
+                                                    dgfem_real *y) {
+    DGFEM_VECTOR sum[DGFEM_VECTORS];
+    int k, v;
+    DGFEM_UNROLL
+    for (v = 0; v < DGFEM_VECTORS; v++) sum[v] = DGFEM_V_LOAD(y + v * DGFEM_V_LANES);
+    for (k = 0; k < columns; k++, strip += DGFEM_STRIP) {
+        DGFEM_VECTOR factor = DGFEM_V_ALL(x[k]);
+        DGFEM_UNROLL
+        for (v = 0; v < DGFEM_VECTORS; v++) sum[v] = DGFEM_V_FNMA(DGFEM_V_LOAD(strip + v * DGFEM_V_LANES), factor, sum[v]);
+    }
+    DGFEM_UNROLL
+    for (v = 0; v < DGFEM_VECTORS; v++) DGFEM_V_STORE(y + v * DGFEM_V_LANES, sum[v]);
+}
+
+/* x = L^-1 x for a supernode's own unknowns; below = -B x. Both have room for whole strips. */
+static void DGFEM_PATH(dgfemi_solve_panel)(const dgfemi_panel *p, dgfem_real *x, dgfem_real *below) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), strips = DGFEM_PATH(dgfemi_strips)(p->height), strip, c, v;
+    for (strip = 0; strip < pivot_strips; strip++) {
+        int first = strip * DGFEM_STRIP, columns = DGFEM_PATH(dgfemi_strip_end)(p, strip, p->width) - first;
+        const dgfem_real *triangle = DGFEM_PATH(dgfemi_strip)(p, strip) + (size_t)first * DGFEM_STRIP;
+        dgfem_real *y = x + first;
+        DGFEM_PATH(dgfemi_strip_subtract)(DGFEM_PATH(dgfemi_strip)(p, strip), first, x, y);
+        for (c = 0; c < columns; c++, triangle += DGFEM_STRIP) {
+            dgfem_real value = y[c] * triangle[c];
+            for (v = c / DGFEM_V_LANES; v < DGFEM_VECTORS; v++) {
+                DGFEM_VECTOR column = DGFEM_V_LOAD(triangle + v * DGFEM_V_LANES);
+                dgfem_real *at = y + v * DGFEM_V_LANES;
+                DGFEM_V_STORE(at, DGFEM_V_FNMA(column, DGFEM_V_ALL(value), DGFEM_V_LOAD(at)));
+            }
+            y[c] = value;
+        }
+    }
+    memset(below, 0, (size_t)strips * DGFEM_STRIP * sizeof *below);
+    for (strip = 0; strip < strips; strip++, below += DGFEM_STRIP)
+        DGFEM_PATH(dgfemi_strip_subtract)(DGFEM_PATH(dgfemi_strip)(p, pivot_strips + strip), p->width, x, below);
+}
+
+/* sums[k] += the vectors of column k of a strip times those of y, whose own sums are left to the end: so L is read in
+   the order in which it lies in memory. */
+static void DGFEM_PATH(dgfemi_strip_dot)(const dgfem_real *strip, int columns, const dgfem_real *y, dgfem_real *sums) {
+    DGFEM_VECTOR factor[DGFEM_VECTORS];
+    int k, v;
+    DGFEM_UNROLL
+    for (v = 0; v < DGFEM_VECTORS; v++) factor[v] = DGFEM_V_LOAD(y + v * DGFEM_V_LANES);
+    for (k = 0; k < columns; k++, strip += DGFEM_STRIP, sums += DGFEM_V_LANES) {
+        DGFEM_VECTOR sum = DGFEM_V_LOAD(sums);
+        DGFEM_UNROLL
+        for (v = 0; v < DGFEM_VECTORS; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(strip + v * DGFEM_V_LANES), factor[v], sum);
+        DGFEM_V_STORE(sums, sum);
+    }
+}
+
+/* x = L^-T (x - B^T below); both end in zeros up to whole strips. sums has a vector for each column. */
+static void DGFEM_PATH(dgfemi_solve_panel_transposed)(const dgfemi_panel *p, dgfem_real *x, const dgfem_real *below,
+                                                      dgfem_real *sums) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), strips = DGFEM_PATH(dgfemi_strips)(p->height);
+    int strip, c, r, i;
+    memset(sums, 0, (size_t)p->width * DGFEM_V_LANES * sizeof *sums);
+    for (strip = 0; strip < strips; strip++)
+        DGFEM_PATH(dgfemi_strip_dot)(DGFEM_PATH(dgfemi_strip)(p, pivot_strips + strip), p->width,
+                                     below + strip * DGFEM_STRIP, sums);
+    for (strip = pivot_strips - 1; strip >= 0; strip--) {
+        int first = strip * DGFEM_STRIP, columns = DGFEM_PATH(dgfemi_strip_end)(p, strip, p->width) - first;
+        const dgfem_real *triangle = DGFEM_PATH(dgfemi_strip)(p, strip) + (size_t)first * DGFEM_STRIP;
+        dgfem_real *y = x + first;
+        for (c = columns - 1; c >= 0; c--) {
+            const dgfem_real *column = triangle + c * DGFEM_STRIP, *parts = sums + (first + c) * DGFEM_V_LANES;
+            dgfem_real sum[4] = {0, 0, 0, 0};
+            for (i = 0; i < DGFEM_V_LANES; i++) sum[i % 4] += parts[i];
+            for (r = c + 1; r < columns; r++) sum[r % 4] += column[r] * y[r];
+            y[c] = (y[c] - ((sum[0] + sum[1]) + (sum[2] + sum[3]))) * column[c];
+        }
+        DGFEM_PATH(dgfemi_strip_dot)(DGFEM_PATH(dgfemi_strip)(p, strip), first, y, sums);
+    }
+}
+
+/* ---- products with row-major blocks ---- */
+
+/* y += A x, and with `both` w += A^T z, for `vectors` vectors of columns: the block is read once. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors, int both,
+                                                      const dgfem_real *x, dgfem_real *y, const dgfem_real *z,
+                                                      dgfem_real *w) {
+    DGFEM_VECTOR in[DGFEM_VECTORS], out[DGFEM_VECTORS];
+    int i, v, n, k;
+    DGFEM_UNROLL
+    for (v = 0; v < vectors; v++) {
+        in[v] = DGFEM_V_LOAD(x + v * DGFEM_V_LANES);
+        out[v] = both ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
+    }
+    for (i = 0; i < rows; i++, a += stride) {
+        dgfem_real parts[DGFEM_V_LANES];
+        DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(a), in[0]), factor = DGFEM_V_ALL(both ? z[i] : 0);
+        DGFEM_UNROLL
+        for (v = 1; v < vectors; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), in[v], sum);
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++)
+            if (both) out[v] = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), factor, out[v]);
+        DGFEM_V_STORE(parts, sum);
+        DGFEM_UNROLL
+        for (n = DGFEM_V_LANES / 2; n > 0; n /= 2)
+            for (k = 0; k < n; k++) parts[k] += parts[k + n];
+        y[i] += parts[0];
+    }
+    DGFEM_UNROLL
+    for (v = 0; v < vectors; v++)
+        if (both) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
+}
+
+/* y += A x and, unless z is NULL, w += A^T z. */
+static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int columns, const dgfem_real *x,
+                                              dgfem_real *y, const dgfem_real *z, dgfem_real *w) {
+    const int wide = DGFEM_STRIP;
+    int j = 0, i;
+    for (; z && j + wide <= columns; j += wide)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 1, x + j, y, z, w + j);
+    for (; z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 1, x + j, y, z, w + j);
+    for (; !z && j + wide <= columns; j += wide)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 0, x + j, y, NULL, NULL);
+    for (; !z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 0, x + j, y, NULL, NULL);
+    for (; j < columns; j++)
+        for (i = 0; i < rows; i++) {
+            dgfem_real value = a[(size_t)i * (size_t)columns + (size_t)j];
+            y[i] += value * x[j];
+            if (z) w[j] += value * z[i];
+        }
+}
+
+static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
+    static const dgfemi_kernels kernels = {
+        DGFEM_PATH_ID,
+        DGFEM_STRIP,
+        DGFEM_TILE,
+        DGFEM_V_LANES,
+        DGFEM_PATH(dgfemi_factor_strips),
+        DGFEM_PATH(dgfemi_update_strips),
+        DGFEM_PATH(dgfemi_make_update),
+        DGFEM_PATH(dgfemi_clear_panel),
+        DGFEM_PATH(dgfemi_add_update),
+        DGFEM_PATH(dgfemi_add_block),
+        DGFEM_PATH(dgfemi_solve_panel),
+        DGFEM_PATH(dgfemi_solve_panel_transposed),
+        DGFEM_PATH(dgfemi_multiply_block),
+    };
+    return &kernels;
+}
+
+#undef DGFEM_STRIP
+#undef DGFEM_CASE_3
+#undef DGFEM_CASE_4
+#undef DGFEM_SWITCH
+#undef DGFEM_PATH
+#undef DGFEM_PATH_ID
+#undef DGFEM_VECTOR
+#undef DGFEM_V_LANES
+#undef DGFEM_VECTORS
+#undef DGFEM_TILE
+#undef DGFEM_V_LOAD
+#undef DGFEM_V_STORE
+#undef DGFEM_V_ALL
+#undef DGFEM_V_ADD
+#undef DGFEM_V_SUB
+#undef DGFEM_V_MUL
+#undef DGFEM_V_FMA
+#undef DGFEM_V_FNMA
+
+/* ---- x86 ---- */
+
+#if !defined(DGFEM_NO_SIMD) && defined(__GNUC__) && defined(__SSE2__) && (defined(__x86_64__) || defined(__i386__))
+#define DGFEM_HAS_X86 1
+#include <immintrin.h>
+
+#if DGFEM_REAL_IS_FLOAT
+#define DGFEM_X86_NAME(prefix, op) prefix##op##_ps
+#else
+#define DGFEM_X86_NAME(prefix, op) prefix##op##_pd
+#endif
+
+#define DGFEM_PATH(name) name##_sse2
+#define DGFEM_PATH_ID DGFEM_SIMD_SSE2
+#define DGFEM_VECTORS 2
+#define DGFEM_TILE 4
+#if DGFEM_REAL_IS_FLOAT
+#define DGFEM_VECTOR __m128
+#define DGFEM_V_LANES 4
+#else
+#define DGFEM_VECTOR __m128d
+#define DGFEM_V_LANES 2
+#endif
+#define DGFEM_V_LOAD(p) DGFEM_X86_NAME(_mm_, loadu)(p)
+#define DGFEM_V_STORE(p, v) DGFEM_X86_NAME(_mm_, storeu)(p, v)
+#define DGFEM_V_ALL(x) DGFEM_X86_NAME(_mm_, set1)(x)
+#define DGFEM_V_ADD(a, b) DGFEM_X86_NAME(_mm_, add)(a, b)
+#define DGFEM_V_SUB(a, b) DGFEM_X86_NAME(_mm_, sub)(a, b)
+#define DGFEM_V_MUL(a, b) DGFEM_X86_NAME(_mm_, mul)(a, b)
+#define DGFEM_V_FMA(a, b, c) DGFEM_V_ADD(DGFEM_V_MUL(a, b), c)
+#define DGFEM_V_FNMA(a, b, c) DGFEM_V_SUB(c, DGFEM_V_MUL(a, b))
+/* Dense kernels of the sparse Cholesky factorization and of products with blocks, written once: this part is inserted for each instruction set,
+   which simd.c describes by
+
+       DGFEM_PATH(name)                       the name with the instruction set's suffix
+       DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
+       DGFEM_VECTORS, DGFEM_TILE              vectors in a strip, columns of a tile (even; divides a strip's rows)
+       DGFEM_V_LOAD(p) _STORE(p, v) _ALL(x)   and _ADD(a, b), _SUB(a, b), _MUL(a, b)
+       DGFEM_V_FMA(a, b, c) _FNMA(a, b, c)    a b + c, c - a b
+
+   A strip is DGFEM_STRIP rows of a matrix, one column after the other: element (r, k) is strip[k * DGFEM_STRIP + r]. So
+   both operands of every product come in the order in which the innermost loop reads them: A's tile as vectors, B's as
+   single numbers. Rows that fill up the last strip of a matrix are zeros.
+
+   The functions that end in `tile` work on `columns` columns and on the vectors from `first` to the end of a strip with
+   `vectors` of them: those above a diagonal, and those that only fill up, are left out. */
+
+#define DGFEM_STRIP (DGFEM_V_LANES * DGFEM_VECTORS)
+
+/* ---- tiles ---- */
+
+/* sum[c * vectors + v] = sum over k of a(v, k) b(c, k): the loop that does nearly all the work of a factorization. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply)(const dgfem_real *a, const dgfem_real *b, int count, int vectors,
+                                              int columns, DGFEM_VECTOR *sum) {
+    int c, v;
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++) sum[c * vectors + v] = DGFEM_V_ALL(0);
+    }
+    DGFEM_ROLLED
+    for (; count > 0; count--, a += DGFEM_STRIP, b += DGFEM_STRIP) {
+        DGFEM_VECTOR x[DGFEM_VECTORS];
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++) x[v] = DGFEM_V_LOAD(a + v * DGFEM_V_LANES);
+        DGFEM_UNROLL
+        for (c = 0; c < columns; c++) {
+            DGFEM_VECTOR y = DGFEM_V_ALL(b[c]);
+            DGFEM_UNROLL
+            for (v = 0; v < vectors; v++) sum[c * vectors + v] = DGFEM_V_FMA(x[v], y, sum[c * vectors + v]);
+        }
+    }
+}
+
+/* x -= a b^T; then, unless t is NULL, x = x T^-T, T the square part of a tile on the diagonal. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_subtract)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                              const dgfem_real *t, int vectors, int columns) {
+    DGFEM_VECTOR sum[DGFEM_TILE * DGFEM_VECTORS];
+    int c, d, v;
+    DGFEM_PATH(dgfemi_multiply)(a, b, count, vectors, columns, sum);
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++)
+            sum[c * vectors + v] =
+                DGFEM_V_SUB(DGFEM_V_LOAD(x + c * DGFEM_STRIP + v * DGFEM_V_LANES), sum[c * vectors + v]);
+    }
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        if (t) {
+            DGFEM_VECTOR reciprocal = DGFEM_V_ALL(t[c * DGFEM_STRIP + c]);
+            DGFEM_UNROLL
+            for (v = 0; v < vectors; v++) sum[c * vectors + v] = DGFEM_V_MUL(sum[c * vectors + v], reciprocal);
+            DGFEM_UNROLL
+            for (d = c + 1; d < columns; d++) {
+                DGFEM_VECTOR factor = DGFEM_V_ALL(t[c * DGFEM_STRIP + d]);
+                DGFEM_UNROLL
+                for (v = 0; v < vectors; v++)
+                    sum[d * vectors + v] = DGFEM_V_FNMA(sum[c * vectors + v], factor, sum[d * vectors + v]);
+            }
+        }
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++)
+            DGFEM_V_STORE(x + c * DGFEM_STRIP + v * DGFEM_V_LANES, sum[c * vectors + v]);
+    }
+}
+
+/* u = -a b^T, or with `add` u -= a b^T. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_store)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *u, int add,
+                                           int vectors, int columns) {
+    DGFEM_VECTOR sum[DGFEM_TILE * DGFEM_VECTORS];
+    int c, v;
+    DGFEM_PATH(dgfemi_multiply)(a, b, count, vectors, columns, sum);
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++) {
+            dgfem_real *to = u + c * DGFEM_STRIP + v * DGFEM_V_LANES;
+            DGFEM_V_STORE(to, DGFEM_V_SUB(add ? DGFEM_V_LOAD(to) : DGFEM_V_ALL(0), sum[c * vectors + v]));
+        }
+    }
+}
+
+/* Calls a kernel with constants for the vectors from `first` to `vectors` and for whole or half tiles. */
+#if DGFEM_VECTORS > 2
+#define DGFEM_CASE_3(call, columns) case 3: call(3, columns); break;
+#else
+#define DGFEM_CASE_3(call, columns)
+#endif
+#if DGFEM_VECTORS > 3
+#define DGFEM_CASE_4(call, columns) case 4: call(4, columns); break;
+#else
+#define DGFEM_CASE_4(call, columns)
+#endif
+#define DGFEM_SWITCH(vectors, call, columns) \
+    switch (vectors) {                       \
+    case 1: call(1, columns); break;         \
+    case 2: call(2, columns); break;         \
+    DGFEM_CASE_3(call, columns)              \
+    DGFEM_CASE_4(call, columns)              \
+    default: break;                          \
+    }
+
+/* The same for any number of columns; the tile's other columns are computed and dropped. */
+static void DGFEM_PATH(dgfemi_subtract_part)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                             const dgfem_real *t, int vectors, int columns) {
+    DGFEM_VECTOR sum[DGFEM_TILE * DGFEM_VECTORS], *s = sum;
+    int c, d, v;
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_multiply)(a, b, count, n, m, sum)
+    DGFEM_SWITCH(vectors, DGFEM_CALL, DGFEM_TILE)
+#undef DGFEM_CALL
+    for (c = 0; c < columns; c++, s += vectors)
+        for (v = 0; v < vectors; v++) s[v] = DGFEM_V_SUB(DGFEM_V_LOAD(x + c * DGFEM_STRIP + v * DGFEM_V_LANES), s[v]);
+    for (c = 0, s = sum; c < columns; c++, s += vectors) {
+        for (v = 0; t && v < vectors; v++) s[v] = DGFEM_V_MUL(s[v], DGFEM_V_ALL(t[c * DGFEM_STRIP + c]));
+        for (d = c + 1; t && d < columns; d++)
+            for (v = 0; v < vectors; v++)
+                sum[d * vectors + v] = DGFEM_V_FNMA(s[v], DGFEM_V_ALL(t[c * DGFEM_STRIP + d]), sum[d * vectors + v]);
+        for (v = 0; v < vectors; v++) DGFEM_V_STORE(x + c * DGFEM_STRIP + v * DGFEM_V_LANES, s[v]);
+    }
+}
+
+static void DGFEM_PATH(dgfemi_subtract_tile)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                             int first, int vectors, int columns) {
+    if (count == 0) return;
+    a += first * DGFEM_V_LANES;
+    x += first * DGFEM_V_LANES;
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_subtract)(a, b, count, x, NULL, n, m)
+    if (columns == DGFEM_TILE) DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE)
+    else if (columns == DGFEM_TILE / 2) DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE / 2)
+    else DGFEM_PATH(dgfemi_subtract_part)(a, b, count, x, NULL, vectors - first, columns);
+#undef DGFEM_CALL
+}
+
+static void DGFEM_PATH(dgfemi_solve_tile)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                          const dgfem_real *t, int vectors, int columns) {
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_subtract)(a, b, count, x, t, n, m)
+    if (columns == DGFEM_TILE) DGFEM_SWITCH(vectors, DGFEM_CALL, DGFEM_TILE)
+    else if (columns == DGFEM_TILE / 2) DGFEM_SWITCH(vectors, DGFEM_CALL, DGFEM_TILE / 2)
+    else DGFEM_PATH(dgfemi_subtract_part)(a, b, count, x, t, vectors, columns);
+#undef DGFEM_CALL
+}
+
+/* May write the whole tile, or half of it where `columns` are no more. */
+static void DGFEM_PATH(dgfemi_store_tile)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *u, int add,
+                                          int first, int vectors, int columns) {
+    a += first * DGFEM_V_LANES;
+    u += first * DGFEM_V_LANES;
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_store)(a, b, count, u, add, n, m)
+    if (columns > DGFEM_TILE / 2) DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE)
+    else DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE / 2)
+#undef DGFEM_CALL
+}
+
+/* Cholesky of the square part of a tile on the diagonal, whose first column is row `offset` of the strip; solves for
+   the rows below. Returns the column whose pivot fails, or DGFEM_NONE. */
+static int DGFEM_PATH(dgfemi_factor_tile)(dgfem_real *x, int columns, int offset, int vectors,
+                                          const dgfem_real *diagonal) {
+    int c, d, r, v;
+    for (c = 0; c < columns; c++) {
+        dgfem_real *xc = x + c * DGFEM_STRIP;
+        dgfem_real pivot = xc[offset + c], reciprocal;
+        if (!dgfemi_pivot_is_good(pivot, diagonal[c])) return c;
+        reciprocal = 1 / dgfemi_sqrt(pivot);
+        for (r = 0; r < offset + c; r++) xc[r] = 0;
+        for (v = (offset + c) / DGFEM_V_LANES; v < vectors; v++) {
+            DGFEM_VECTOR scaled = DGFEM_V_MUL(DGFEM_V_LOAD(xc + v * DGFEM_V_LANES), DGFEM_V_ALL(reciprocal));
+            DGFEM_V_STORE(xc + v * DGFEM_V_LANES, scaled);
+        }
+        for (d = c + 1; d < columns; d++) {
+            DGFEM_VECTOR factor = DGFEM_V_ALL(xc[offset + d]);
+            for (v = (offset + d) / DGFEM_V_LANES; v < vectors; v++) {
+                dgfem_real *xd = x + d * DGFEM_STRIP + v * DGFEM_V_LANES;
+                DGFEM_V_STORE(xd, DGFEM_V_FNMA(DGFEM_V_LOAD(xc + v * DGFEM_V_LANES), factor, DGFEM_V_LOAD(xd)));
+            }
+        }
+        xc[offset + c] = reciprocal;
+    }
+    return DGFEM_NONE;
+}
+
+/* ---- panels ---- */
+
+static int DGFEM_PATH(dgfemi_strips)(int rows) { return rows / DGFEM_STRIP + (rows % DGFEM_STRIP != 0); }
+
+static dgfem_real *DGFEM_PATH(dgfemi_strip)(const dgfemi_panel *p, int strip) {
+    return p->values + (size_t)strip * DGFEM_STRIP * (size_t)p->width;
+}
+
+/* Row `row` of D, or behind D's strips of B, from column `column` on: the second operand of a product. */
+static const dgfem_real *DGFEM_PATH(dgfemi_panel_row)(const dgfemi_panel *p, int row, int column) {
+    return DGFEM_PATH(dgfemi_strip)(p, row / DGFEM_STRIP) + (size_t)column * DGFEM_STRIP + row % DGFEM_STRIP;
+}
+
+/* Vectors that hold the rows of a matrix from `row` on which are in one strip. */
+static int DGFEM_PATH(dgfemi_strip_vectors)(int rows, int row) {
+    return rows - row >= DGFEM_STRIP ? DGFEM_VECTORS : (rows - row + DGFEM_V_LANES - 1) / DGFEM_V_LANES;
+}
+
+static int DGFEM_PATH(dgfemi_panel_vectors)(const dgfemi_panel *p, int strip) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width);
+    return strip < pivot_strips ? DGFEM_PATH(dgfemi_strip_vectors)(p->width, strip * DGFEM_STRIP)
+                                : DGFEM_PATH(dgfemi_strip_vectors)(p->height, (strip - pivot_strips) * DGFEM_STRIP);
+}
+
+/* The column that a strip's columns end before: those of D end at the diagonal. */
+static int DGFEM_PATH(dgfemi_strip_end)(const dgfemi_panel *p, int strip, int limit) {
+    int end = strip < DGFEM_PATH(dgfemi_strips)(p->width) ? (strip + 1) * DGFEM_STRIP : p->width;
+    if (end > p->width) end = p->width;
+    return end < limit ? end : limit;
+}
+
+static int DGFEM_PATH(dgfemi_tile_columns)(int column, int end) {
+    return end - column < DGFEM_TILE ? end - column : DGFEM_TILE;
+}
+
+/* Columns from <= k < to of one strip of L, those before `from` being done with. The rows of D that they meet are
+   finished. Returns the column whose pivot fails, or DGFEM_NONE. */
+static int DGFEM_PATH(dgfemi_factor_strip)(const dgfemi_panel *p, int strip, int from, int to,
+                                           const dgfem_real *diagonal) {
+    dgfem_real *values = DGFEM_PATH(dgfemi_strip)(p, strip);
+    const dgfem_real *a = values + (size_t)from * DGFEM_STRIP;
+    int end = DGFEM_PATH(dgfemi_strip_end)(p, strip, to), vectors = DGFEM_PATH(dgfemi_panel_vectors)(p, strip), j;
+    for (j = from; j < end; j += DGFEM_TILE) {
+        dgfem_real *x = values + (size_t)j * DGFEM_STRIP;
+        const dgfem_real *b = DGFEM_PATH(dgfemi_panel_row)(p, j, from);
+        int columns = DGFEM_PATH(dgfemi_tile_columns)(j, end), offset = j % DGFEM_STRIP, failed;
+        if (strip != j / DGFEM_STRIP) {
+            DGFEM_PATH(dgfemi_solve_tile)(a, b, j - from, x, b + (size_t)(j - from) * DGFEM_STRIP, vectors, columns);
+            continue;
+        }
+        DGFEM_PATH(dgfemi_subtract_tile)(a, b, j - from, x, offset / DGFEM_V_LANES, vectors, columns);
+        failed = DGFEM_PATH(dgfemi_factor_tile)(x, columns, offset, vectors, diagonal + j);
+        if (failed != DGFEM_NONE) return j + failed;
+    }
+    return DGFEM_NONE;
+}
+
+static int DGFEM_PATH(dgfemi_factor_strips)(const dgfemi_panel *p, int first, int last, int from, int to,
+                                            const dgfem_real *diagonal) {
+    int strip;
+    for (strip = first; strip < last; strip++) {
+        int failed = DGFEM_PATH(dgfemi_factor_strip)(p, strip, from, to, diagonal);
+        if (failed != DGFEM_NONE) return failed;
+    }
+    return DGFEM_NONE;
+}
+
+/* Subtracts from the columns from `to` on what the columns from <= k < to contribute. */
+static void DGFEM_PATH(dgfemi_update_strips)(const dgfemi_panel *p, int first, int last, int from, int to) {
+    int chunk, strip, j;
+    for (chunk = to; chunk < p->width; chunk += DGFEM_UPDATE_COLUMNS)
+        for (strip = first; strip < last; strip++) {
+            dgfem_real *values = DGFEM_PATH(dgfemi_strip)(p, strip);
+            int end = DGFEM_PATH(dgfemi_strip_end)(p, strip, chunk + DGFEM_UPDATE_COLUMNS);
+            int vectors = DGFEM_PATH(dgfemi_panel_vectors)(p, strip);
+            for (j = chunk; j < end; j += DGFEM_TILE)
+                DGFEM_PATH(dgfemi_subtract_tile)(values + (size_t)from * DGFEM_STRIP,
+                                                 DGFEM_PATH(dgfemi_panel_row)(p, j, from), to - from,
+                                                 values + (size_t)j * DGFEM_STRIP,
+                                                 strip == j / DGFEM_STRIP ? j % DGFEM_STRIP / DGFEM_V_LANES : 0, vectors,
+                                                 DGFEM_PATH(dgfemi_tile_columns)(j, end));
+        }
+}
+
+/* Where strip `strip` of an update begins: it has all columns up to its own last row, the strips before it likewise. */
+static size_t DGFEM_PATH(dgfemi_update_strip)(int strip) {
+    return (size_t)strip * ((size_t)strip + 1) / 2 * DGFEM_STRIP * DGFEM_STRIP;
+}
+
+/* U = -B B^T, lower half, the strips first <= i < last of it. What is above the diagonal stays undefined. */
+static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u, int first, int last) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), from, chunk, strip, j;
+    for (from = 0; from < p->width; from += DGFEM_PANEL_COLUMNS) {
+        int count = p->width - from < DGFEM_PANEL_COLUMNS ? p->width - from : DGFEM_PANEL_COLUMNS;
+        for (chunk = 0; chunk < last * DGFEM_STRIP; chunk += DGFEM_UPDATE_COLUMNS)
+            for (strip = first; strip < last; strip++) {
+                const dgfem_real *a =
+                    DGFEM_PATH(dgfemi_strip)(p, pivot_strips + strip) + (size_t)from * DGFEM_STRIP;
+                int row = strip * DGFEM_STRIP, vectors = DGFEM_PATH(dgfemi_strip_vectors)(p->height, row);
+                int end = row + DGFEM_STRIP < p->height ? row + DGFEM_STRIP : p->height;
+                if (end > chunk + DGFEM_UPDATE_COLUMNS) end = chunk + DGFEM_UPDATE_COLUMNS;
+                for (j = chunk; j < end; j += DGFEM_TILE)
+                    DGFEM_PATH(dgfemi_store_tile)(
+                        a, DGFEM_PATH(dgfemi_panel_row)(p, pivot_strips * DGFEM_STRIP + j, from), count,
+                        u + DGFEM_PATH(dgfemi_update_strip)(strip) + (size_t)j * DGFEM_STRIP, from > 0,
+                        j > row ? (j - row) / DGFEM_V_LANES : 0, vectors, end - j);
+            }
+    }
+}
+
+/* ---- assembly ---- */
+
+/* Zeros strips of a panel, but for what no one reads above D's diagonal. */
+static void DGFEM_PATH(dgfemi_clear_panel)(const dgfemi_panel *p, int first, int last) {
+    int strip;
+    for (strip = first; strip < last; strip++)
+        memset(DGFEM_PATH(dgfemi_strip)(p, strip), 0,
+               (size_t)DGFEM_PATH(dgfemi_strip_end)(p, strip, p->width) * DGFEM_STRIP * sizeof(dgfem_real));
+}
+
+/* to += from: `columns` columns of `rows` rows of two strips. */
+static void DGFEM_PATH(dgfemi_add_rows)(dgfem_real *to, const dgfem_real *from, int columns, int rows) {
+    int vectors = rows / DGFEM_V_LANES, k, v, i;
+    if (rows == DGFEM_STRIP) vectors *= columns, columns = vectors > 0;
+    for (k = 0; k < columns; k++, to += DGFEM_STRIP, from += DGFEM_STRIP) {
+        dgfem_real sum[4];
+        for (v = 0; v < vectors; v++) {
+            dgfem_real *at = to + v * DGFEM_V_LANES;
+            DGFEM_V_STORE(at, DGFEM_V_ADD(DGFEM_V_LOAD(at), DGFEM_V_LOAD(from + v * DGFEM_V_LANES)));
+        }
+        if (rows == DGFEM_STRIP) continue;
+        for (v *= DGFEM_V_LANES; v + 4 <= rows; v += 4) {
+            for (i = 0; i < 4; i++) sum[i] = to[v + i] + from[v + i];
+            for (i = 0; i < 4; i++) to[v + i] = sum[i];
+        }
+        for (; v < rows; v++) to[v] += from[v];
+    }
+}
+
+/* Adds the rows of a child's update that the segments first <= i < last name: their columns that belong to the front's
+   panel, or those that belong to its own update. */
+static void DGFEM_PATH(dgfemi_add_update)(const dgfemi_extension *e, int first, int last) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(e->panel.width), width = e->panel.width, s, k, i;
+    for (s = first; s < last; s++) {
+        const dgfemi_run *rows = e->segments + s;
+        const dgfem_real *from = e->child + DGFEM_PATH(dgfemi_update_strip)(rows->row / DGFEM_STRIP);
+        int row = rows->front_row, shift = e->update ? width : 0;
+        dgfem_real *to;
+        if (e->update) to = e->update + DGFEM_PATH(dgfemi_update_strip)((row - width) / DGFEM_STRIP);
+        else if (row < width) to = DGFEM_PATH(dgfemi_strip)(&e->panel, row / DGFEM_STRIP);
+        else to = DGFEM_PATH(dgfemi_strip)(&e->panel, pivot_strips + (row - width) / DGFEM_STRIP);
+        to += (row < width ? row : row - width) % DGFEM_STRIP;
+        from += rows->row % DGFEM_STRIP;
+        for (k = 0; k < e->run_count && e->runs[k].row < rows->row + rows->length; k++) {
+            const dgfemi_run *columns = e->runs + k;
+            const dgfem_real *source = from + (size_t)columns->row * DGFEM_STRIP;
+            dgfem_real *target = to + (size_t)(columns->front_row - shift) * DGFEM_STRIP;
+            int whole = rows->row - columns->row, skip = 0; /* columns left of the diagonal; rows above it */
+            if (whole > columns->length) whole = columns->length;
+            if (whole > 0) DGFEM_PATH(dgfemi_add_rows)(target, source, whole, rows->length);
+            else skip = -whole, whole = 0;
+            for (; whole < columns->length && skip < rows->length; whole++, skip++)
+                for (i = skip; i < rows->length; i++)
+                    target[whole * DGFEM_STRIP + i] += source[whole * DGFEM_STRIP + i];
+        }
+    }
+}
+
+/* Adds one block of A to a panel; of diagonal blocks the lower half. */
+static void DGFEM_PATH(dgfemi_add_block)(const dgfemi_panel *p, const dgfemi_entry *entry, const dgfem_real *block) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), i, j, end;
+    int rows = entry->transposed ? entry->columns : entry->rows, columns = entry->transposed ? entry->rows : entry->columns;
+    int down = entry->transposed ? 1 : entry->columns, across = entry->transposed ? entry->columns : 1;
+    for (i = 0; i < rows; i = end) { /* the rows that are in one strip */
+        int row = entry->front_row + i, below = row >= p->width;
+        int strip = below ? pivot_strips + (row - p->width) / DGFEM_STRIP : row / DGFEM_STRIP;
+        int place = (below ? row - p->width : row) % DGFEM_STRIP, k;
+        dgfem_real *to = DGFEM_PATH(dgfemi_strip)(p, strip) + (size_t)entry->front_column * DGFEM_STRIP + place - i;
+        end = rows - i < DGFEM_STRIP - place ? rows : i + DGFEM_STRIP - place;
+        for (j = 0; j < columns; j++, to += DGFEM_STRIP) {
+            const dgfem_real *from = block + (ptrdiff_t)j * across;
+            k = entry->front_row == entry->front_column && j > i ? j : i;
+            if (down == 1)
+                for (; k < end; k++) to[k] += from[k];
+            else
+                for (; k < end; k++) to[k] += from[(ptrdiff_t)k * down];
+        }
+    }
+}
+
+/* ---- solves ---- */
+
+/* y[v] -= sum over k of strip(v, k) x[k] */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_strip_subtract)(const dgfem_real *strip, int columns, const dgfem_real *x,
+                                                    dgfem_real *y) {
+    DGFEM_VECTOR sum[DGFEM_VECTORS];
+    int k, v;
+    DGFEM_UNROLL
+    for (v = 0; v < DGFEM_VECTORS; v++) sum[v] = DGFEM_V_LOAD(y + v * DGFEM_V_LANES);
+    for (k = 0; k < columns; k++, strip += DGFEM_STRIP) {
+        DGFEM_VECTOR factor = DGFEM_V_ALL(x[k]);
+        DGFEM_UNROLL
+        for (v = 0; v < DGFEM_VECTORS; v++) sum[v] = DGFEM_V_FNMA(DGFEM_V_LOAD(strip + v * DGFEM_V_LANES), factor, sum[v]);
+    }
+    DGFEM_UNROLL
+    for (v = 0; v < DGFEM_VECTORS; v++) DGFEM_V_STORE(y + v * DGFEM_V_LANES, sum[v]);
+}
+
+/* x = L^-1 x for a supernode's own unknowns; below = -B x. Both have room for whole strips. */
+static void DGFEM_PATH(dgfemi_solve_panel)(const dgfemi_panel *p, dgfem_real *x, dgfem_real *below) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), strips = DGFEM_PATH(dgfemi_strips)(p->height), strip, c, v;
+    for (strip = 0; strip < pivot_strips; strip++) {
+        int first = strip * DGFEM_STRIP, columns = DGFEM_PATH(dgfemi_strip_end)(p, strip, p->width) - first;
+        const dgfem_real *triangle = DGFEM_PATH(dgfemi_strip)(p, strip) + (size_t)first * DGFEM_STRIP;
+        dgfem_real *y = x + first;
+        DGFEM_PATH(dgfemi_strip_subtract)(DGFEM_PATH(dgfemi_strip)(p, strip), first, x, y);
+        for (c = 0; c < columns; c++, triangle += DGFEM_STRIP) {
+            dgfem_real value = y[c] * triangle[c];
+            for (v = c / DGFEM_V_LANES; v < DGFEM_VECTORS; v++) {
+                DGFEM_VECTOR column = DGFEM_V_LOAD(triangle + v * DGFEM_V_LANES);
+                dgfem_real *at = y + v * DGFEM_V_LANES;
+                DGFEM_V_STORE(at, DGFEM_V_FNMA(column, DGFEM_V_ALL(value), DGFEM_V_LOAD(at)));
+            }
+            y[c] = value;
+        }
+    }
+    memset(below, 0, (size_t)strips * DGFEM_STRIP * sizeof *below);
+    for (strip = 0; strip < strips; strip++, below += DGFEM_STRIP)
+        DGFEM_PATH(dgfemi_strip_subtract)(DGFEM_PATH(dgfemi_strip)(p, pivot_strips + strip), p->width, x, below);
+}
+
+/* sums[k] += the vectors of column k of a strip times those of y, whose own sums are left to the end: so L is read in
+   the order in which it lies in memory. */
+static void DGFEM_PATH(dgfemi_strip_dot)(const dgfem_real *strip, int columns, const dgfem_real *y, dgfem_real *sums) {
+    DGFEM_VECTOR factor[DGFEM_VECTORS];
+    int k, v;
+    DGFEM_UNROLL
+    for (v = 0; v < DGFEM_VECTORS; v++) factor[v] = DGFEM_V_LOAD(y + v * DGFEM_V_LANES);
+    for (k = 0; k < columns; k++, strip += DGFEM_STRIP, sums += DGFEM_V_LANES) {
+        DGFEM_VECTOR sum = DGFEM_V_LOAD(sums);
+        DGFEM_UNROLL
+        for (v = 0; v < DGFEM_VECTORS; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(strip + v * DGFEM_V_LANES), factor[v], sum);
+        DGFEM_V_STORE(sums, sum);
+    }
+}
+
+/* x = L^-T (x - B^T below); both end in zeros up to whole strips. sums has a vector for each column. */
+static void DGFEM_PATH(dgfemi_solve_panel_transposed)(const dgfemi_panel *p, dgfem_real *x, const dgfem_real *below,
+                                                      dgfem_real *sums) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), strips = DGFEM_PATH(dgfemi_strips)(p->height);
+    int strip, c, r, i;
+    memset(sums, 0, (size_t)p->width * DGFEM_V_LANES * sizeof *sums);
+    for (strip = 0; strip < strips; strip++)
+        DGFEM_PATH(dgfemi_strip_dot)(DGFEM_PATH(dgfemi_strip)(p, pivot_strips + strip), p->width,
+                                     below + strip * DGFEM_STRIP, sums);
+    for (strip = pivot_strips - 1; strip >= 0; strip--) {
+        int first = strip * DGFEM_STRIP, columns = DGFEM_PATH(dgfemi_strip_end)(p, strip, p->width) - first;
+        const dgfem_real *triangle = DGFEM_PATH(dgfemi_strip)(p, strip) + (size_t)first * DGFEM_STRIP;
+        dgfem_real *y = x + first;
+        for (c = columns - 1; c >= 0; c--) {
+            const dgfem_real *column = triangle + c * DGFEM_STRIP, *parts = sums + (first + c) * DGFEM_V_LANES;
+            dgfem_real sum[4] = {0, 0, 0, 0};
+            for (i = 0; i < DGFEM_V_LANES; i++) sum[i % 4] += parts[i];
+            for (r = c + 1; r < columns; r++) sum[r % 4] += column[r] * y[r];
+            y[c] = (y[c] - ((sum[0] + sum[1]) + (sum[2] + sum[3]))) * column[c];
+        }
+        DGFEM_PATH(dgfemi_strip_dot)(DGFEM_PATH(dgfemi_strip)(p, strip), first, y, sums);
+    }
+}
+
+/* ---- products with row-major blocks ---- */
+
+/* y += A x, and with `both` w += A^T z, for `vectors` vectors of columns: the block is read once. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors, int both,
+                                                      const dgfem_real *x, dgfem_real *y, const dgfem_real *z,
+                                                      dgfem_real *w) {
+    DGFEM_VECTOR in[DGFEM_VECTORS], out[DGFEM_VECTORS];
+    int i, v, n, k;
+    DGFEM_UNROLL
+    for (v = 0; v < vectors; v++) {
+        in[v] = DGFEM_V_LOAD(x + v * DGFEM_V_LANES);
+        out[v] = both ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
+    }
+    for (i = 0; i < rows; i++, a += stride) {
+        dgfem_real parts[DGFEM_V_LANES];
+        DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(a), in[0]), factor = DGFEM_V_ALL(both ? z[i] : 0);
+        DGFEM_UNROLL
+        for (v = 1; v < vectors; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), in[v], sum);
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++)
+            if (both) out[v] = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), factor, out[v]);
+        DGFEM_V_STORE(parts, sum);
+        DGFEM_UNROLL
+        for (n = DGFEM_V_LANES / 2; n > 0; n /= 2)
+            for (k = 0; k < n; k++) parts[k] += parts[k + n];
+        y[i] += parts[0];
+    }
+    DGFEM_UNROLL
+    for (v = 0; v < vectors; v++)
+        if (both) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
+}
+
+/* y += A x and, unless z is NULL, w += A^T z. */
+static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int columns, const dgfem_real *x,
+                                              dgfem_real *y, const dgfem_real *z, dgfem_real *w) {
+    const int wide = DGFEM_STRIP;
+    int j = 0, i;
+    for (; z && j + wide <= columns; j += wide)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 1, x + j, y, z, w + j);
+    for (; z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 1, x + j, y, z, w + j);
+    for (; !z && j + wide <= columns; j += wide)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 0, x + j, y, NULL, NULL);
+    for (; !z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 0, x + j, y, NULL, NULL);
+    for (; j < columns; j++)
+        for (i = 0; i < rows; i++) {
+            dgfem_real value = a[(size_t)i * (size_t)columns + (size_t)j];
+            y[i] += value * x[j];
+            if (z) w[j] += value * z[i];
+        }
+}
+
+static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
+    static const dgfemi_kernels kernels = {
+        DGFEM_PATH_ID,
+        DGFEM_STRIP,
+        DGFEM_TILE,
+        DGFEM_V_LANES,
+        DGFEM_PATH(dgfemi_factor_strips),
+        DGFEM_PATH(dgfemi_update_strips),
+        DGFEM_PATH(dgfemi_make_update),
+        DGFEM_PATH(dgfemi_clear_panel),
+        DGFEM_PATH(dgfemi_add_update),
+        DGFEM_PATH(dgfemi_add_block),
+        DGFEM_PATH(dgfemi_solve_panel),
+        DGFEM_PATH(dgfemi_solve_panel_transposed),
+        DGFEM_PATH(dgfemi_multiply_block),
+    };
+    return &kernels;
+}
+
+#undef DGFEM_STRIP
+#undef DGFEM_CASE_3
+#undef DGFEM_CASE_4
+#undef DGFEM_SWITCH
+#undef DGFEM_PATH
+#undef DGFEM_PATH_ID
+#undef DGFEM_VECTOR
+#undef DGFEM_V_LANES
+#undef DGFEM_VECTORS
+#undef DGFEM_TILE
+#undef DGFEM_V_LOAD
+#undef DGFEM_V_STORE
+#undef DGFEM_V_ALL
+#undef DGFEM_V_ADD
+#undef DGFEM_V_SUB
+#undef DGFEM_V_MUL
+#undef DGFEM_V_FMA
+#undef DGFEM_V_FNMA
+
+#if defined(__clang__)
+#pragma clang attribute push(__attribute__((target("avx2,fma"))), apply_to = function)
+#else
+#pragma GCC push_options
+#pragma GCC target("avx2,fma")
+#endif
+#define DGFEM_PATH(name) name##_avx2
+#define DGFEM_PATH_ID DGFEM_SIMD_AVX2
+#define DGFEM_VECTORS 3
+#define DGFEM_TILE 4
+#if DGFEM_REAL_IS_FLOAT
+#define DGFEM_VECTOR __m256
+#define DGFEM_V_LANES 8
+#else
+#define DGFEM_VECTOR __m256d
+#define DGFEM_V_LANES 4
+#endif
+#define DGFEM_V_LOAD(p) DGFEM_X86_NAME(_mm256_, loadu)(p)
+#define DGFEM_V_STORE(p, v) DGFEM_X86_NAME(_mm256_, storeu)(p, v)
+#define DGFEM_V_ALL(x) DGFEM_X86_NAME(_mm256_, set1)(x)
+#define DGFEM_V_ADD(a, b) DGFEM_X86_NAME(_mm256_, add)(a, b)
+#define DGFEM_V_SUB(a, b) DGFEM_X86_NAME(_mm256_, sub)(a, b)
+#define DGFEM_V_MUL(a, b) DGFEM_X86_NAME(_mm256_, mul)(a, b)
+#define DGFEM_V_FMA(a, b, c) DGFEM_X86_NAME(_mm256_, fmadd)(a, b, c)
+#define DGFEM_V_FNMA(a, b, c) DGFEM_X86_NAME(_mm256_, fnmadd)(a, b, c)
+/* Dense kernels of the sparse Cholesky factorization and of products with blocks, written once: this part is inserted for each instruction set,
+   which simd.c describes by
+
+       DGFEM_PATH(name)                       the name with the instruction set's suffix
+       DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
+       DGFEM_VECTORS, DGFEM_TILE              vectors in a strip, columns of a tile (even; divides a strip's rows)
+       DGFEM_V_LOAD(p) _STORE(p, v) _ALL(x)   and _ADD(a, b), _SUB(a, b), _MUL(a, b)
+       DGFEM_V_FMA(a, b, c) _FNMA(a, b, c)    a b + c, c - a b
+
+   A strip is DGFEM_STRIP rows of a matrix, one column after the other: element (r, k) is strip[k * DGFEM_STRIP + r]. So
+   both operands of every product come in the order in which the innermost loop reads them: A's tile as vectors, B's as
+   single numbers. Rows that fill up the last strip of a matrix are zeros.
+
+   The functions that end in `tile` work on `columns` columns and on the vectors from `first` to the end of a strip with
+   `vectors` of them: those above a diagonal, and those that only fill up, are left out. */
+
+#define DGFEM_STRIP (DGFEM_V_LANES * DGFEM_VECTORS)
+
+/* ---- tiles ---- */
+
+/* sum[c * vectors + v] = sum over k of a(v, k) b(c, k): the loop that does nearly all the work of a factorization. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply)(const dgfem_real *a, const dgfem_real *b, int count, int vectors,
+                                              int columns, DGFEM_VECTOR *sum) {
+    int c, v;
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++) sum[c * vectors + v] = DGFEM_V_ALL(0);
+    }
+    DGFEM_ROLLED
+    for (; count > 0; count--, a += DGFEM_STRIP, b += DGFEM_STRIP) {
+        DGFEM_VECTOR x[DGFEM_VECTORS];
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++) x[v] = DGFEM_V_LOAD(a + v * DGFEM_V_LANES);
+        DGFEM_UNROLL
+        for (c = 0; c < columns; c++) {
+            DGFEM_VECTOR y = DGFEM_V_ALL(b[c]);
+            DGFEM_UNROLL
+            for (v = 0; v < vectors; v++) sum[c * vectors + v] = DGFEM_V_FMA(x[v], y, sum[c * vectors + v]);
+        }
+    }
+}
+
+/* x -= a b^T; then, unless t is NULL, x = x T^-T, T the square part of a tile on the diagonal. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_subtract)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                              const dgfem_real *t, int vectors, int columns) {
+    DGFEM_VECTOR sum[DGFEM_TILE * DGFEM_VECTORS];
+    int c, d, v;
+    DGFEM_PATH(dgfemi_multiply)(a, b, count, vectors, columns, sum);
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++)
+            sum[c * vectors + v] =
+                DGFEM_V_SUB(DGFEM_V_LOAD(x + c * DGFEM_STRIP + v * DGFEM_V_LANES), sum[c * vectors + v]);
+    }
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        if (t) {
+            DGFEM_VECTOR reciprocal = DGFEM_V_ALL(t[c * DGFEM_STRIP + c]);
+            DGFEM_UNROLL
+            for (v = 0; v < vectors; v++) sum[c * vectors + v] = DGFEM_V_MUL(sum[c * vectors + v], reciprocal);
+            DGFEM_UNROLL
+            for (d = c + 1; d < columns; d++) {
+                DGFEM_VECTOR factor = DGFEM_V_ALL(t[c * DGFEM_STRIP + d]);
+                DGFEM_UNROLL
+                for (v = 0; v < vectors; v++)
+                    sum[d * vectors + v] = DGFEM_V_FNMA(sum[c * vectors + v], factor, sum[d * vectors + v]);
+            }
+        }
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++)
+            DGFEM_V_STORE(x + c * DGFEM_STRIP + v * DGFEM_V_LANES, sum[c * vectors + v]);
+    }
+}
+
+/* u = -a b^T, or with `add` u -= a b^T. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_store)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *u, int add,
+                                           int vectors, int columns) {
+    DGFEM_VECTOR sum[DGFEM_TILE * DGFEM_VECTORS];
+    int c, v;
+    DGFEM_PATH(dgfemi_multiply)(a, b, count, vectors, columns, sum);
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++) {
+            dgfem_real *to = u + c * DGFEM_STRIP + v * DGFEM_V_LANES;
+            DGFEM_V_STORE(to, DGFEM_V_SUB(add ? DGFEM_V_LOAD(to) : DGFEM_V_ALL(0), sum[c * vectors + v]));
+        }
+    }
+}
+
+/* Calls a kernel with constants for the vectors from `first` to `vectors` and for whole or half tiles. */
+#if DGFEM_VECTORS > 2
+#define DGFEM_CASE_3(call, columns) case 3: call(3, columns); break;
+#else
+#define DGFEM_CASE_3(call, columns)
+#endif
+#if DGFEM_VECTORS > 3
+#define DGFEM_CASE_4(call, columns) case 4: call(4, columns); break;
+#else
+#define DGFEM_CASE_4(call, columns)
+#endif
+#define DGFEM_SWITCH(vectors, call, columns) \
+    switch (vectors) {                       \
+    case 1: call(1, columns); break;         \
+    case 2: call(2, columns); break;         \
+    DGFEM_CASE_3(call, columns)              \
+    DGFEM_CASE_4(call, columns)              \
+    default: break;                          \
+    }
+
+/* The same for any number of columns; the tile's other columns are computed and dropped. */
+static void DGFEM_PATH(dgfemi_subtract_part)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                             const dgfem_real *t, int vectors, int columns) {
+    DGFEM_VECTOR sum[DGFEM_TILE * DGFEM_VECTORS], *s = sum;
+    int c, d, v;
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_multiply)(a, b, count, n, m, sum)
+    DGFEM_SWITCH(vectors, DGFEM_CALL, DGFEM_TILE)
+#undef DGFEM_CALL
+    for (c = 0; c < columns; c++, s += vectors)
+        for (v = 0; v < vectors; v++) s[v] = DGFEM_V_SUB(DGFEM_V_LOAD(x + c * DGFEM_STRIP + v * DGFEM_V_LANES), s[v]);
+    for (c = 0, s = sum; c < columns; c++, s += vectors) {
+        for (v = 0; t && v < vectors; v++) s[v] = DGFEM_V_MUL(s[v], DGFEM_V_ALL(t[c * DGFEM_STRIP + c]));
+        for (d = c + 1; t && d < columns; d++)
+            for (v = 0; v < vectors; v++)
+                sum[d * vectors + v] = DGFEM_V_FNMA(s[v], DGFEM_V_ALL(t[c * DGFEM_STRIP + d]), sum[d * vectors + v]);
+        for (v = 0; v < vectors; v++) DGFEM_V_STORE(x + c * DGFEM_STRIP + v * DGFEM_V_LANES, s[v]);
+    }
+}
+
+static void DGFEM_PATH(dgfemi_subtract_tile)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                             int first, int vectors, int columns) {
+    if (count == 0) return;
+    a += first * DGFEM_V_LANES;
+    x += first * DGFEM_V_LANES;
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_subtract)(a, b, count, x, NULL, n, m)
+    if (columns == DGFEM_TILE) DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE)
+    else if (columns == DGFEM_TILE / 2) DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE / 2)
+    else DGFEM_PATH(dgfemi_subtract_part)(a, b, count, x, NULL, vectors - first, columns);
+#undef DGFEM_CALL
+}
+
+static void DGFEM_PATH(dgfemi_solve_tile)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                          const dgfem_real *t, int vectors, int columns) {
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_subtract)(a, b, count, x, t, n, m)
+    if (columns == DGFEM_TILE) DGFEM_SWITCH(vectors, DGFEM_CALL, DGFEM_TILE)
+    else if (columns == DGFEM_TILE / 2) DGFEM_SWITCH(vectors, DGFEM_CALL, DGFEM_TILE / 2)
+    else DGFEM_PATH(dgfemi_subtract_part)(a, b, count, x, t, vectors, columns);
+#undef DGFEM_CALL
+}
+
+/* May write the whole tile, or half of it where `columns` are no more. */
+static void DGFEM_PATH(dgfemi_store_tile)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *u, int add,
+                                          int first, int vectors, int columns) {
+    a += first * DGFEM_V_LANES;
+    u += first * DGFEM_V_LANES;
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_store)(a, b, count, u, add, n, m)
+    if (columns > DGFEM_TILE / 2) DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE)
+    else DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE / 2)
+#undef DGFEM_CALL
+}
+
+/* Cholesky of the square part of a tile on the diagonal, whose first column is row `offset` of the strip; solves for
+   the rows below. Returns the column whose pivot fails, or DGFEM_NONE. */
+static int DGFEM_PATH(dgfemi_factor_tile)(dgfem_real *x, int columns, int offset, int vectors,
+                                          const dgfem_real *diagonal) {
+    int c, d, r, v;
+    for (c = 0; c < columns; c++) {
+        dgfem_real *xc = x + c * DGFEM_STRIP;
+        dgfem_real pivot = xc[offset + c], reciprocal;
+        if (!dgfemi_pivot_is_good(pivot, diagonal[c])) return c;
+        reciprocal = 1 / dgfemi_sqrt(pivot);
+        for (r = 0; r < offset + c; r++) xc[r] = 0;
+        for (v = (offset + c) / DGFEM_V_LANES; v < vectors; v++) {
+            DGFEM_VECTOR scaled = DGFEM_V_MUL(DGFEM_V_LOAD(xc + v * DGFEM_V_LANES), DGFEM_V_ALL(reciprocal));
+            DGFEM_V_STORE(xc + v * DGFEM_V_LANES, scaled);
+        }
+        for (d = c + 1; d < columns; d++) {
+            DGFEM_VECTOR factor = DGFEM_V_ALL(xc[offset + d]);
+            for (v = (offset + d) / DGFEM_V_LANES; v < vectors; v++) {
+                dgfem_real *xd = x + d * DGFEM_STRIP + v * DGFEM_V_LANES;
+                DGFEM_V_STORE(xd, DGFEM_V_FNMA(DGFEM_V_LOAD(xc + v * DGFEM_V_LANES), factor, DGFEM_V_LOAD(xd)));
+            }
+        }
+        xc[offset + c] = reciprocal;
+    }
+    return DGFEM_NONE;
+}
+
+/* ---- panels ---- */
+
+static int DGFEM_PATH(dgfemi_strips)(int rows) { return rows / DGFEM_STRIP + (rows % DGFEM_STRIP != 0); }
+
+static dgfem_real *DGFEM_PATH(dgfemi_strip)(const dgfemi_panel *p, int strip) {
+    return p->values + (size_t)strip * DGFEM_STRIP * (size_t)p->width;
+}
+
+/* Row `row` of D, or behind D's strips of B, from column `column` on: the second operand of a product. */
+static const dgfem_real *DGFEM_PATH(dgfemi_panel_row)(const dgfemi_panel *p, int row, int column) {
+    return DGFEM_PATH(dgfemi_strip)(p, row / DGFEM_STRIP) + (size_t)column * DGFEM_STRIP + row % DGFEM_STRIP;
+}
+
+/* Vectors that hold the rows of a matrix from `row` on which are in one strip. */
+static int DGFEM_PATH(dgfemi_strip_vectors)(int rows, int row) {
+    return rows - row >= DGFEM_STRIP ? DGFEM_VECTORS : (rows - row + DGFEM_V_LANES - 1) / DGFEM_V_LANES;
+}
+
+static int DGFEM_PATH(dgfemi_panel_vectors)(const dgfemi_panel *p, int strip) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width);
+    return strip < pivot_strips ? DGFEM_PATH(dgfemi_strip_vectors)(p->width, strip * DGFEM_STRIP)
+                                : DGFEM_PATH(dgfemi_strip_vectors)(p->height, (strip - pivot_strips) * DGFEM_STRIP);
+}
+
+/* The column that a strip's columns end before: those of D end at the diagonal. */
+static int DGFEM_PATH(dgfemi_strip_end)(const dgfemi_panel *p, int strip, int limit) {
+    int end = strip < DGFEM_PATH(dgfemi_strips)(p->width) ? (strip + 1) * DGFEM_STRIP : p->width;
+    if (end > p->width) end = p->width;
+    return end < limit ? end : limit;
+}
+
+static int DGFEM_PATH(dgfemi_tile_columns)(int column, int end) {
+    return end - column < DGFEM_TILE ? end - column : DGFEM_TILE;
+}
+
+/* Columns from <= k < to of one strip of L, those before `from` being done with. The rows of D that they meet are
+   finished. Returns the column whose pivot fails, or DGFEM_NONE. */
+static int DGFEM_PATH(dgfemi_factor_strip)(const dgfemi_panel *p, int strip, int from, int to,
+                                           const dgfem_real *diagonal) {
+    dgfem_real *values = DGFEM_PATH(dgfemi_strip)(p, strip);
+    const dgfem_real *a = values + (size_t)from * DGFEM_STRIP;
+    int end = DGFEM_PATH(dgfemi_strip_end)(p, strip, to), vectors = DGFEM_PATH(dgfemi_panel_vectors)(p, strip), j;
+    for (j = from; j < end; j += DGFEM_TILE) {
+        dgfem_real *x = values + (size_t)j * DGFEM_STRIP;
+        const dgfem_real *b = DGFEM_PATH(dgfemi_panel_row)(p, j, from);
+        int columns = DGFEM_PATH(dgfemi_tile_columns)(j, end), offset = j % DGFEM_STRIP, failed;
+        if (strip != j / DGFEM_STRIP) {
+            DGFEM_PATH(dgfemi_solve_tile)(a, b, j - from, x, b + (size_t)(j - from) * DGFEM_STRIP, vectors, columns);
+            continue;
+        }
+        DGFEM_PATH(dgfemi_subtract_tile)(a, b, j - from, x, offset / DGFEM_V_LANES, vectors, columns);
+        failed = DGFEM_PATH(dgfemi_factor_tile)(x, columns, offset, vectors, diagonal + j);
+        if (failed != DGFEM_NONE) return j + failed;
+    }
+    return DGFEM_NONE;
+}
+
+static int DGFEM_PATH(dgfemi_factor_strips)(const dgfemi_panel *p, int first, int last, int from, int to,
+                                            const dgfem_real *diagonal) {
+    int strip;
+    for (strip = first; strip < last; strip++) {
+        int failed = DGFEM_PATH(dgfemi_factor_strip)(p, strip, from, to, diagonal);
+        if (failed != DGFEM_NONE) return failed;
+    }
+    return DGFEM_NONE;
+}
+
+/* Subtracts from the columns from `to` on what the columns from <= k < to contribute. */
+static void DGFEM_PATH(dgfemi_update_strips)(const dgfemi_panel *p, int first, int last, int from, int to) {
+    int chunk, strip, j;
+    for (chunk = to; chunk < p->width; chunk += DGFEM_UPDATE_COLUMNS)
+        for (strip = first; strip < last; strip++) {
+            dgfem_real *values = DGFEM_PATH(dgfemi_strip)(p, strip);
+            int end = DGFEM_PATH(dgfemi_strip_end)(p, strip, chunk + DGFEM_UPDATE_COLUMNS);
+            int vectors = DGFEM_PATH(dgfemi_panel_vectors)(p, strip);
+            for (j = chunk; j < end; j += DGFEM_TILE)
+                DGFEM_PATH(dgfemi_subtract_tile)(values + (size_t)from * DGFEM_STRIP,
+                                                 DGFEM_PATH(dgfemi_panel_row)(p, j, from), to - from,
+                                                 values + (size_t)j * DGFEM_STRIP,
+                                                 strip == j / DGFEM_STRIP ? j % DGFEM_STRIP / DGFEM_V_LANES : 0, vectors,
+                                                 DGFEM_PATH(dgfemi_tile_columns)(j, end));
+        }
+}
+
+/* Where strip `strip` of an update begins: it has all columns up to its own last row, the strips before it likewise. */
+static size_t DGFEM_PATH(dgfemi_update_strip)(int strip) {
+    return (size_t)strip * ((size_t)strip + 1) / 2 * DGFEM_STRIP * DGFEM_STRIP;
+}
+
+/* U = -B B^T, lower half, the strips first <= i < last of it. What is above the diagonal stays undefined. */
+static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u, int first, int last) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), from, chunk, strip, j;
+    for (from = 0; from < p->width; from += DGFEM_PANEL_COLUMNS) {
+        int count = p->width - from < DGFEM_PANEL_COLUMNS ? p->width - from : DGFEM_PANEL_COLUMNS;
+        for (chunk = 0; chunk < last * DGFEM_STRIP; chunk += DGFEM_UPDATE_COLUMNS)
+            for (strip = first; strip < last; strip++) {
+                const dgfem_real *a =
+                    DGFEM_PATH(dgfemi_strip)(p, pivot_strips + strip) + (size_t)from * DGFEM_STRIP;
+                int row = strip * DGFEM_STRIP, vectors = DGFEM_PATH(dgfemi_strip_vectors)(p->height, row);
+                int end = row + DGFEM_STRIP < p->height ? row + DGFEM_STRIP : p->height;
+                if (end > chunk + DGFEM_UPDATE_COLUMNS) end = chunk + DGFEM_UPDATE_COLUMNS;
+                for (j = chunk; j < end; j += DGFEM_TILE)
+                    DGFEM_PATH(dgfemi_store_tile)(
+                        a, DGFEM_PATH(dgfemi_panel_row)(p, pivot_strips * DGFEM_STRIP + j, from), count,
+                        u + DGFEM_PATH(dgfemi_update_strip)(strip) + (size_t)j * DGFEM_STRIP, from > 0,
+                        j > row ? (j - row) / DGFEM_V_LANES : 0, vectors, end - j);
+            }
+    }
+}
+
+/* ---- assembly ---- */
+
+/* Zeros strips of a panel, but for what no one reads above D's diagonal. */
+static void DGFEM_PATH(dgfemi_clear_panel)(const dgfemi_panel *p, int first, int last) {
+    int strip;
+    for (strip = first; strip < last; strip++)
+        memset(DGFEM_PATH(dgfemi_strip)(p, strip), 0,
+               (size_t)DGFEM_PATH(dgfemi_strip_end)(p, strip, p->width) * DGFEM_STRIP * sizeof(dgfem_real));
+}
+
+/* to += from: `columns` columns of `rows` rows of two strips. */
+static void DGFEM_PATH(dgfemi_add_rows)(dgfem_real *to, const dgfem_real *from, int columns, int rows) {
+    int vectors = rows / DGFEM_V_LANES, k, v, i;
+    if (rows == DGFEM_STRIP) vectors *= columns, columns = vectors > 0;
+    for (k = 0; k < columns; k++, to += DGFEM_STRIP, from += DGFEM_STRIP) {
+        dgfem_real sum[4];
+        for (v = 0; v < vectors; v++) {
+            dgfem_real *at = to + v * DGFEM_V_LANES;
+            DGFEM_V_STORE(at, DGFEM_V_ADD(DGFEM_V_LOAD(at), DGFEM_V_LOAD(from + v * DGFEM_V_LANES)));
+        }
+        if (rows == DGFEM_STRIP) continue;
+        for (v *= DGFEM_V_LANES; v + 4 <= rows; v += 4) {
+            for (i = 0; i < 4; i++) sum[i] = to[v + i] + from[v + i];
+            for (i = 0; i < 4; i++) to[v + i] = sum[i];
+        }
+        for (; v < rows; v++) to[v] += from[v];
+    }
+}
+
+/* Adds the rows of a child's update that the segments first <= i < last name: their columns that belong to the front's
+   panel, or those that belong to its own update. */
+static void DGFEM_PATH(dgfemi_add_update)(const dgfemi_extension *e, int first, int last) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(e->panel.width), width = e->panel.width, s, k, i;
+    for (s = first; s < last; s++) {
+        const dgfemi_run *rows = e->segments + s;
+        const dgfem_real *from = e->child + DGFEM_PATH(dgfemi_update_strip)(rows->row / DGFEM_STRIP);
+        int row = rows->front_row, shift = e->update ? width : 0;
+        dgfem_real *to;
+        if (e->update) to = e->update + DGFEM_PATH(dgfemi_update_strip)((row - width) / DGFEM_STRIP);
+        else if (row < width) to = DGFEM_PATH(dgfemi_strip)(&e->panel, row / DGFEM_STRIP);
+        else to = DGFEM_PATH(dgfemi_strip)(&e->panel, pivot_strips + (row - width) / DGFEM_STRIP);
+        to += (row < width ? row : row - width) % DGFEM_STRIP;
+        from += rows->row % DGFEM_STRIP;
+        for (k = 0; k < e->run_count && e->runs[k].row < rows->row + rows->length; k++) {
+            const dgfemi_run *columns = e->runs + k;
+            const dgfem_real *source = from + (size_t)columns->row * DGFEM_STRIP;
+            dgfem_real *target = to + (size_t)(columns->front_row - shift) * DGFEM_STRIP;
+            int whole = rows->row - columns->row, skip = 0; /* columns left of the diagonal; rows above it */
+            if (whole > columns->length) whole = columns->length;
+            if (whole > 0) DGFEM_PATH(dgfemi_add_rows)(target, source, whole, rows->length);
+            else skip = -whole, whole = 0;
+            for (; whole < columns->length && skip < rows->length; whole++, skip++)
+                for (i = skip; i < rows->length; i++)
+                    target[whole * DGFEM_STRIP + i] += source[whole * DGFEM_STRIP + i];
+        }
+    }
+}
+
+/* Adds one block of A to a panel; of diagonal blocks the lower half. */
+static void DGFEM_PATH(dgfemi_add_block)(const dgfemi_panel *p, const dgfemi_entry *entry, const dgfem_real *block) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), i, j, end;
+    int rows = entry->transposed ? entry->columns : entry->rows, columns = entry->transposed ? entry->rows : entry->columns;
+    int down = entry->transposed ? 1 : entry->columns, across = entry->transposed ? entry->columns : 1;
+    for (i = 0; i < rows; i = end) { /* the rows that are in one strip */
+        int row = entry->front_row + i, below = row >= p->width;
+        int strip = below ? pivot_strips + (row - p->width) / DGFEM_STRIP : row / DGFEM_STRIP;
+        int place = (below ? row - p->width : row) % DGFEM_STRIP, k;
+        dgfem_real *to = DGFEM_PATH(dgfemi_strip)(p, strip) + (size_t)entry->front_column * DGFEM_STRIP + place - i;
+        end = rows - i < DGFEM_STRIP - place ? rows : i + DGFEM_STRIP - place;
+        for (j = 0; j < columns; j++, to += DGFEM_STRIP) {
+            const dgfem_real *from = block + (ptrdiff_t)j * across;
+            k = entry->front_row == entry->front_column && j > i ? j : i;
+            if (down == 1)
+                for (; k < end; k++) to[k] += from[k];
+            else
+                for (; k < end; k++) to[k] += from[(ptrdiff_t)k * down];
+        }
+    }
+}
+
+/* ---- solves ---- */
+
+/* y[v] -= sum over k of strip(v, k) x[k] */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_strip_subtract)(const dgfem_real *strip, int columns, const dgfem_real *x,
+                                                    dgfem_real *y) {
+    DGFEM_VECTOR sum[DGFEM_VECTORS];
+    int k, v;
+    DGFEM_UNROLL
+    for (v = 0; v < DGFEM_VECTORS; v++) sum[v] = DGFEM_V_LOAD(y + v * DGFEM_V_LANES);
+    for (k = 0; k < columns; k++, strip += DGFEM_STRIP) {
+        DGFEM_VECTOR factor = DGFEM_V_ALL(x[k]);
+        DGFEM_UNROLL
+        for (v = 0; v < DGFEM_VECTORS; v++) sum[v] = DGFEM_V_FNMA(DGFEM_V_LOAD(strip + v * DGFEM_V_LANES), factor, sum[v]);
+    }
+    DGFEM_UNROLL
+    for (v = 0; v < DGFEM_VECTORS; v++) DGFEM_V_STORE(y + v * DGFEM_V_LANES, sum[v]);
+}
+
+/* x = L^-1 x for a supernode's own unknowns; below = -B x. Both have room for whole strips. */
+static void DGFEM_PATH(dgfemi_solve_panel)(const dgfemi_panel *p, dgfem_real *x, dgfem_real *below) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), strips = DGFEM_PATH(dgfemi_strips)(p->height), strip, c, v;
+    for (strip = 0; strip < pivot_strips; strip++) {
+        int first = strip * DGFEM_STRIP, columns = DGFEM_PATH(dgfemi_strip_end)(p, strip, p->width) - first;
+        const dgfem_real *triangle = DGFEM_PATH(dgfemi_strip)(p, strip) + (size_t)first * DGFEM_STRIP;
+        dgfem_real *y = x + first;
+        DGFEM_PATH(dgfemi_strip_subtract)(DGFEM_PATH(dgfemi_strip)(p, strip), first, x, y);
+        for (c = 0; c < columns; c++, triangle += DGFEM_STRIP) {
+            dgfem_real value = y[c] * triangle[c];
+            for (v = c / DGFEM_V_LANES; v < DGFEM_VECTORS; v++) {
+                DGFEM_VECTOR column = DGFEM_V_LOAD(triangle + v * DGFEM_V_LANES);
+                dgfem_real *at = y + v * DGFEM_V_LANES;
+                DGFEM_V_STORE(at, DGFEM_V_FNMA(column, DGFEM_V_ALL(value), DGFEM_V_LOAD(at)));
+            }
+            y[c] = value;
+        }
+    }
+    memset(below, 0, (size_t)strips * DGFEM_STRIP * sizeof *below);
+    for (strip = 0; strip < strips; strip++, below += DGFEM_STRIP)
+        DGFEM_PATH(dgfemi_strip_subtract)(DGFEM_PATH(dgfemi_strip)(p, pivot_strips + strip), p->width, x, below);
+}
+
+/* sums[k] += the vectors of column k of a strip times those of y, whose own sums are left to the end: so L is read in
+   the order in which it lies in memory. */
+static void DGFEM_PATH(dgfemi_strip_dot)(const dgfem_real *strip, int columns, const dgfem_real *y, dgfem_real *sums) {
+    DGFEM_VECTOR factor[DGFEM_VECTORS];
+    int k, v;
+    DGFEM_UNROLL
+    for (v = 0; v < DGFEM_VECTORS; v++) factor[v] = DGFEM_V_LOAD(y + v * DGFEM_V_LANES);
+    for (k = 0; k < columns; k++, strip += DGFEM_STRIP, sums += DGFEM_V_LANES) {
+        DGFEM_VECTOR sum = DGFEM_V_LOAD(sums);
+        DGFEM_UNROLL
+        for (v = 0; v < DGFEM_VECTORS; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(strip + v * DGFEM_V_LANES), factor[v], sum);
+        DGFEM_V_STORE(sums, sum);
+    }
+}
+
+/* x = L^-T (x - B^T below); both end in zeros up to whole strips. sums has a vector for each column. */
+static void DGFEM_PATH(dgfemi_solve_panel_transposed)(const dgfemi_panel *p, dgfem_real *x, const dgfem_real *below,
+                                                      dgfem_real *sums) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), strips = DGFEM_PATH(dgfemi_strips)(p->height);
+    int strip, c, r, i;
+    memset(sums, 0, (size_t)p->width * DGFEM_V_LANES * sizeof *sums);
+    for (strip = 0; strip < strips; strip++)
+        DGFEM_PATH(dgfemi_strip_dot)(DGFEM_PATH(dgfemi_strip)(p, pivot_strips + strip), p->width,
+                                     below + strip * DGFEM_STRIP, sums);
+    for (strip = pivot_strips - 1; strip >= 0; strip--) {
+        int first = strip * DGFEM_STRIP, columns = DGFEM_PATH(dgfemi_strip_end)(p, strip, p->width) - first;
+        const dgfem_real *triangle = DGFEM_PATH(dgfemi_strip)(p, strip) + (size_t)first * DGFEM_STRIP;
+        dgfem_real *y = x + first;
+        for (c = columns - 1; c >= 0; c--) {
+            const dgfem_real *column = triangle + c * DGFEM_STRIP, *parts = sums + (first + c) * DGFEM_V_LANES;
+            dgfem_real sum[4] = {0, 0, 0, 0};
+            for (i = 0; i < DGFEM_V_LANES; i++) sum[i % 4] += parts[i];
+            for (r = c + 1; r < columns; r++) sum[r % 4] += column[r] * y[r];
+            y[c] = (y[c] - ((sum[0] + sum[1]) + (sum[2] + sum[3]))) * column[c];
+        }
+        DGFEM_PATH(dgfemi_strip_dot)(DGFEM_PATH(dgfemi_strip)(p, strip), first, y, sums);
+    }
+}
+
+/* ---- products with row-major blocks ---- */
+
+/* y += A x, and with `both` w += A^T z, for `vectors` vectors of columns: the block is read once. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors, int both,
+                                                      const dgfem_real *x, dgfem_real *y, const dgfem_real *z,
+                                                      dgfem_real *w) {
+    DGFEM_VECTOR in[DGFEM_VECTORS], out[DGFEM_VECTORS];
+    int i, v, n, k;
+    DGFEM_UNROLL
+    for (v = 0; v < vectors; v++) {
+        in[v] = DGFEM_V_LOAD(x + v * DGFEM_V_LANES);
+        out[v] = both ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
+    }
+    for (i = 0; i < rows; i++, a += stride) {
+        dgfem_real parts[DGFEM_V_LANES];
+        DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(a), in[0]), factor = DGFEM_V_ALL(both ? z[i] : 0);
+        DGFEM_UNROLL
+        for (v = 1; v < vectors; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), in[v], sum);
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++)
+            if (both) out[v] = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), factor, out[v]);
+        DGFEM_V_STORE(parts, sum);
+        DGFEM_UNROLL
+        for (n = DGFEM_V_LANES / 2; n > 0; n /= 2)
+            for (k = 0; k < n; k++) parts[k] += parts[k + n];
+        y[i] += parts[0];
+    }
+    DGFEM_UNROLL
+    for (v = 0; v < vectors; v++)
+        if (both) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
+}
+
+/* y += A x and, unless z is NULL, w += A^T z. */
+static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int columns, const dgfem_real *x,
+                                              dgfem_real *y, const dgfem_real *z, dgfem_real *w) {
+    const int wide = DGFEM_STRIP;
+    int j = 0, i;
+    for (; z && j + wide <= columns; j += wide)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 1, x + j, y, z, w + j);
+    for (; z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 1, x + j, y, z, w + j);
+    for (; !z && j + wide <= columns; j += wide)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 0, x + j, y, NULL, NULL);
+    for (; !z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 0, x + j, y, NULL, NULL);
+    for (; j < columns; j++)
+        for (i = 0; i < rows; i++) {
+            dgfem_real value = a[(size_t)i * (size_t)columns + (size_t)j];
+            y[i] += value * x[j];
+            if (z) w[j] += value * z[i];
+        }
+}
+
+static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
+    static const dgfemi_kernels kernels = {
+        DGFEM_PATH_ID,
+        DGFEM_STRIP,
+        DGFEM_TILE,
+        DGFEM_V_LANES,
+        DGFEM_PATH(dgfemi_factor_strips),
+        DGFEM_PATH(dgfemi_update_strips),
+        DGFEM_PATH(dgfemi_make_update),
+        DGFEM_PATH(dgfemi_clear_panel),
+        DGFEM_PATH(dgfemi_add_update),
+        DGFEM_PATH(dgfemi_add_block),
+        DGFEM_PATH(dgfemi_solve_panel),
+        DGFEM_PATH(dgfemi_solve_panel_transposed),
+        DGFEM_PATH(dgfemi_multiply_block),
+    };
+    return &kernels;
+}
+
+#undef DGFEM_STRIP
+#undef DGFEM_CASE_3
+#undef DGFEM_CASE_4
+#undef DGFEM_SWITCH
+#undef DGFEM_PATH
+#undef DGFEM_PATH_ID
+#undef DGFEM_VECTOR
+#undef DGFEM_V_LANES
+#undef DGFEM_VECTORS
+#undef DGFEM_TILE
+#undef DGFEM_V_LOAD
+#undef DGFEM_V_STORE
+#undef DGFEM_V_ALL
+#undef DGFEM_V_ADD
+#undef DGFEM_V_SUB
+#undef DGFEM_V_MUL
+#undef DGFEM_V_FMA
+#undef DGFEM_V_FNMA
+
+#if defined(__clang__)
+#pragma clang attribute pop
+#else
+#pragma GCC pop_options
+#endif
+
+#if defined(__clang__)
+#pragma clang attribute push(__attribute__((target("avx512f,fma"))), apply_to = function)
+#else
+#pragma GCC push_options
+#pragma GCC target("avx512f,fma")
+#endif
+#define DGFEM_PATH(name) name##_avx512
+#define DGFEM_PATH_ID DGFEM_SIMD_AVX512
+#define DGFEM_VECTORS 3
+#define DGFEM_TILE 8
+#if DGFEM_REAL_IS_FLOAT
+#define DGFEM_VECTOR __m512
+#define DGFEM_V_LANES 16
+#else
+#define DGFEM_VECTOR __m512d
+#define DGFEM_V_LANES 8
+#endif
+#define DGFEM_V_LOAD(p) DGFEM_X86_NAME(_mm512_, loadu)(p)
+#define DGFEM_V_STORE(p, v) DGFEM_X86_NAME(_mm512_, storeu)(p, v)
+#define DGFEM_V_ALL(x) DGFEM_X86_NAME(_mm512_, set1)(x)
+#define DGFEM_V_ADD(a, b) DGFEM_X86_NAME(_mm512_, add)(a, b)
+#define DGFEM_V_SUB(a, b) DGFEM_X86_NAME(_mm512_, sub)(a, b)
+#define DGFEM_V_MUL(a, b) DGFEM_X86_NAME(_mm512_, mul)(a, b)
+#define DGFEM_V_FMA(a, b, c) DGFEM_X86_NAME(_mm512_, fmadd)(a, b, c)
+#define DGFEM_V_FNMA(a, b, c) DGFEM_X86_NAME(_mm512_, fnmadd)(a, b, c)
+/* Dense kernels of the sparse Cholesky factorization and of products with blocks, written once: this part is inserted for each instruction set,
+   which simd.c describes by
+
+       DGFEM_PATH(name)                       the name with the instruction set's suffix
+       DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
+       DGFEM_VECTORS, DGFEM_TILE              vectors in a strip, columns of a tile (even; divides a strip's rows)
+       DGFEM_V_LOAD(p) _STORE(p, v) _ALL(x)   and _ADD(a, b), _SUB(a, b), _MUL(a, b)
+       DGFEM_V_FMA(a, b, c) _FNMA(a, b, c)    a b + c, c - a b
+
+   A strip is DGFEM_STRIP rows of a matrix, one column after the other: element (r, k) is strip[k * DGFEM_STRIP + r]. So
+   both operands of every product come in the order in which the innermost loop reads them: A's tile as vectors, B's as
+   single numbers. Rows that fill up the last strip of a matrix are zeros.
+
+   The functions that end in `tile` work on `columns` columns and on the vectors from `first` to the end of a strip with
+   `vectors` of them: those above a diagonal, and those that only fill up, are left out. */
+
+#define DGFEM_STRIP (DGFEM_V_LANES * DGFEM_VECTORS)
+
+/* ---- tiles ---- */
+
+/* sum[c * vectors + v] = sum over k of a(v, k) b(c, k): the loop that does nearly all the work of a factorization. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply)(const dgfem_real *a, const dgfem_real *b, int count, int vectors,
+                                              int columns, DGFEM_VECTOR *sum) {
+    int c, v;
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++) sum[c * vectors + v] = DGFEM_V_ALL(0);
+    }
+    DGFEM_ROLLED
+    for (; count > 0; count--, a += DGFEM_STRIP, b += DGFEM_STRIP) {
+        DGFEM_VECTOR x[DGFEM_VECTORS];
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++) x[v] = DGFEM_V_LOAD(a + v * DGFEM_V_LANES);
+        DGFEM_UNROLL
+        for (c = 0; c < columns; c++) {
+            DGFEM_VECTOR y = DGFEM_V_ALL(b[c]);
+            DGFEM_UNROLL
+            for (v = 0; v < vectors; v++) sum[c * vectors + v] = DGFEM_V_FMA(x[v], y, sum[c * vectors + v]);
+        }
+    }
+}
+
+/* x -= a b^T; then, unless t is NULL, x = x T^-T, T the square part of a tile on the diagonal. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_subtract)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                              const dgfem_real *t, int vectors, int columns) {
+    DGFEM_VECTOR sum[DGFEM_TILE * DGFEM_VECTORS];
+    int c, d, v;
+    DGFEM_PATH(dgfemi_multiply)(a, b, count, vectors, columns, sum);
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++)
+            sum[c * vectors + v] =
+                DGFEM_V_SUB(DGFEM_V_LOAD(x + c * DGFEM_STRIP + v * DGFEM_V_LANES), sum[c * vectors + v]);
+    }
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        if (t) {
+            DGFEM_VECTOR reciprocal = DGFEM_V_ALL(t[c * DGFEM_STRIP + c]);
+            DGFEM_UNROLL
+            for (v = 0; v < vectors; v++) sum[c * vectors + v] = DGFEM_V_MUL(sum[c * vectors + v], reciprocal);
+            DGFEM_UNROLL
+            for (d = c + 1; d < columns; d++) {
+                DGFEM_VECTOR factor = DGFEM_V_ALL(t[c * DGFEM_STRIP + d]);
+                DGFEM_UNROLL
+                for (v = 0; v < vectors; v++)
+                    sum[d * vectors + v] = DGFEM_V_FNMA(sum[c * vectors + v], factor, sum[d * vectors + v]);
+            }
+        }
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++)
+            DGFEM_V_STORE(x + c * DGFEM_STRIP + v * DGFEM_V_LANES, sum[c * vectors + v]);
+    }
+}
+
+/* u = -a b^T, or with `add` u -= a b^T. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_store)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *u, int add,
+                                           int vectors, int columns) {
+    DGFEM_VECTOR sum[DGFEM_TILE * DGFEM_VECTORS];
+    int c, v;
+    DGFEM_PATH(dgfemi_multiply)(a, b, count, vectors, columns, sum);
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++) {
+            dgfem_real *to = u + c * DGFEM_STRIP + v * DGFEM_V_LANES;
+            DGFEM_V_STORE(to, DGFEM_V_SUB(add ? DGFEM_V_LOAD(to) : DGFEM_V_ALL(0), sum[c * vectors + v]));
+        }
+    }
+}
+
+/* Calls a kernel with constants for the vectors from `first` to `vectors` and for whole or half tiles. */
+#if DGFEM_VECTORS > 2
+#define DGFEM_CASE_3(call, columns) case 3: call(3, columns); break;
+#else
+#define DGFEM_CASE_3(call, columns)
+#endif
+#if DGFEM_VECTORS > 3
+#define DGFEM_CASE_4(call, columns) case 4: call(4, columns); break;
+#else
+#define DGFEM_CASE_4(call, columns)
+#endif
+#define DGFEM_SWITCH(vectors, call, columns) \
+    switch (vectors) {                       \
+    case 1: call(1, columns); break;         \
+    case 2: call(2, columns); break;         \
+    DGFEM_CASE_3(call, columns)              \
+    DGFEM_CASE_4(call, columns)              \
+    default: break;                          \
+    }
+
+/* The same for any number of columns; the tile's other columns are computed and dropped. */
+static void DGFEM_PATH(dgfemi_subtract_part)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                             const dgfem_real *t, int vectors, int columns) {
+    DGFEM_VECTOR sum[DGFEM_TILE * DGFEM_VECTORS], *s = sum;
+    int c, d, v;
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_multiply)(a, b, count, n, m, sum)
+    DGFEM_SWITCH(vectors, DGFEM_CALL, DGFEM_TILE)
+#undef DGFEM_CALL
+    for (c = 0; c < columns; c++, s += vectors)
+        for (v = 0; v < vectors; v++) s[v] = DGFEM_V_SUB(DGFEM_V_LOAD(x + c * DGFEM_STRIP + v * DGFEM_V_LANES), s[v]);
+    for (c = 0, s = sum; c < columns; c++, s += vectors) {
+        for (v = 0; t && v < vectors; v++) s[v] = DGFEM_V_MUL(s[v], DGFEM_V_ALL(t[c * DGFEM_STRIP + c]));
+        for (d = c + 1; t && d < columns; d++)
+            for (v = 0; v < vectors; v++)
+                sum[d * vectors + v] = DGFEM_V_FNMA(s[v], DGFEM_V_ALL(t[c * DGFEM_STRIP + d]), sum[d * vectors + v]);
+        for (v = 0; v < vectors; v++) DGFEM_V_STORE(x + c * DGFEM_STRIP + v * DGFEM_V_LANES, s[v]);
+    }
+}
+
+static void DGFEM_PATH(dgfemi_subtract_tile)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                             int first, int vectors, int columns) {
+    if (count == 0) return;
+    a += first * DGFEM_V_LANES;
+    x += first * DGFEM_V_LANES;
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_subtract)(a, b, count, x, NULL, n, m)
+    if (columns == DGFEM_TILE) DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE)
+    else if (columns == DGFEM_TILE / 2) DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE / 2)
+    else DGFEM_PATH(dgfemi_subtract_part)(a, b, count, x, NULL, vectors - first, columns);
+#undef DGFEM_CALL
+}
+
+static void DGFEM_PATH(dgfemi_solve_tile)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                          const dgfem_real *t, int vectors, int columns) {
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_subtract)(a, b, count, x, t, n, m)
+    if (columns == DGFEM_TILE) DGFEM_SWITCH(vectors, DGFEM_CALL, DGFEM_TILE)
+    else if (columns == DGFEM_TILE / 2) DGFEM_SWITCH(vectors, DGFEM_CALL, DGFEM_TILE / 2)
+    else DGFEM_PATH(dgfemi_subtract_part)(a, b, count, x, t, vectors, columns);
+#undef DGFEM_CALL
+}
+
+/* May write the whole tile, or half of it where `columns` are no more. */
+static void DGFEM_PATH(dgfemi_store_tile)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *u, int add,
+                                          int first, int vectors, int columns) {
+    a += first * DGFEM_V_LANES;
+    u += first * DGFEM_V_LANES;
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_store)(a, b, count, u, add, n, m)
+    if (columns > DGFEM_TILE / 2) DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE)
+    else DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE / 2)
+#undef DGFEM_CALL
+}
+
+/* Cholesky of the square part of a tile on the diagonal, whose first column is row `offset` of the strip; solves for
+   the rows below. Returns the column whose pivot fails, or DGFEM_NONE. */
+static int DGFEM_PATH(dgfemi_factor_tile)(dgfem_real *x, int columns, int offset, int vectors,
+                                          const dgfem_real *diagonal) {
+    int c, d, r, v;
+    for (c = 0; c < columns; c++) {
+        dgfem_real *xc = x + c * DGFEM_STRIP;
+        dgfem_real pivot = xc[offset + c], reciprocal;
+        if (!dgfemi_pivot_is_good(pivot, diagonal[c])) return c;
+        reciprocal = 1 / dgfemi_sqrt(pivot);
+        for (r = 0; r < offset + c; r++) xc[r] = 0;
+        for (v = (offset + c) / DGFEM_V_LANES; v < vectors; v++) {
+            DGFEM_VECTOR scaled = DGFEM_V_MUL(DGFEM_V_LOAD(xc + v * DGFEM_V_LANES), DGFEM_V_ALL(reciprocal));
+            DGFEM_V_STORE(xc + v * DGFEM_V_LANES, scaled);
+        }
+        for (d = c + 1; d < columns; d++) {
+            DGFEM_VECTOR factor = DGFEM_V_ALL(xc[offset + d]);
+            for (v = (offset + d) / DGFEM_V_LANES; v < vectors; v++) {
+                dgfem_real *xd = x + d * DGFEM_STRIP + v * DGFEM_V_LANES;
+                DGFEM_V_STORE(xd, DGFEM_V_FNMA(DGFEM_V_LOAD(xc + v * DGFEM_V_LANES), factor, DGFEM_V_LOAD(xd)));
+            }
+        }
+        xc[offset + c] = reciprocal;
+    }
+    return DGFEM_NONE;
+}
+
+/* ---- panels ---- */
+
+static int DGFEM_PATH(dgfemi_strips)(int rows) { return rows / DGFEM_STRIP + (rows % DGFEM_STRIP != 0); }
+
+static dgfem_real *DGFEM_PATH(dgfemi_strip)(const dgfemi_panel *p, int strip) {
+    return p->values + (size_t)strip * DGFEM_STRIP * (size_t)p->width;
+}
+
+/* Row `row` of D, or behind D's strips of B, from column `column` on: the second operand of a product. */
+static const dgfem_real *DGFEM_PATH(dgfemi_panel_row)(const dgfemi_panel *p, int row, int column) {
+    return DGFEM_PATH(dgfemi_strip)(p, row / DGFEM_STRIP) + (size_t)column * DGFEM_STRIP + row % DGFEM_STRIP;
+}
+
+/* Vectors that hold the rows of a matrix from `row` on which are in one strip. */
+static int DGFEM_PATH(dgfemi_strip_vectors)(int rows, int row) {
+    return rows - row >= DGFEM_STRIP ? DGFEM_VECTORS : (rows - row + DGFEM_V_LANES - 1) / DGFEM_V_LANES;
+}
+
+static int DGFEM_PATH(dgfemi_panel_vectors)(const dgfemi_panel *p, int strip) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width);
+    return strip < pivot_strips ? DGFEM_PATH(dgfemi_strip_vectors)(p->width, strip * DGFEM_STRIP)
+                                : DGFEM_PATH(dgfemi_strip_vectors)(p->height, (strip - pivot_strips) * DGFEM_STRIP);
+}
+
+/* The column that a strip's columns end before: those of D end at the diagonal. */
+static int DGFEM_PATH(dgfemi_strip_end)(const dgfemi_panel *p, int strip, int limit) {
+    int end = strip < DGFEM_PATH(dgfemi_strips)(p->width) ? (strip + 1) * DGFEM_STRIP : p->width;
+    if (end > p->width) end = p->width;
+    return end < limit ? end : limit;
+}
+
+static int DGFEM_PATH(dgfemi_tile_columns)(int column, int end) {
+    return end - column < DGFEM_TILE ? end - column : DGFEM_TILE;
+}
+
+/* Columns from <= k < to of one strip of L, those before `from` being done with. The rows of D that they meet are
+   finished. Returns the column whose pivot fails, or DGFEM_NONE. */
+static int DGFEM_PATH(dgfemi_factor_strip)(const dgfemi_panel *p, int strip, int from, int to,
+                                           const dgfem_real *diagonal) {
+    dgfem_real *values = DGFEM_PATH(dgfemi_strip)(p, strip);
+    const dgfem_real *a = values + (size_t)from * DGFEM_STRIP;
+    int end = DGFEM_PATH(dgfemi_strip_end)(p, strip, to), vectors = DGFEM_PATH(dgfemi_panel_vectors)(p, strip), j;
+    for (j = from; j < end; j += DGFEM_TILE) {
+        dgfem_real *x = values + (size_t)j * DGFEM_STRIP;
+        const dgfem_real *b = DGFEM_PATH(dgfemi_panel_row)(p, j, from);
+        int columns = DGFEM_PATH(dgfemi_tile_columns)(j, end), offset = j % DGFEM_STRIP, failed;
+        if (strip != j / DGFEM_STRIP) {
+            DGFEM_PATH(dgfemi_solve_tile)(a, b, j - from, x, b + (size_t)(j - from) * DGFEM_STRIP, vectors, columns);
+            continue;
+        }
+        DGFEM_PATH(dgfemi_subtract_tile)(a, b, j - from, x, offset / DGFEM_V_LANES, vectors, columns);
+        failed = DGFEM_PATH(dgfemi_factor_tile)(x, columns, offset, vectors, diagonal + j);
+        if (failed != DGFEM_NONE) return j + failed;
+    }
+    return DGFEM_NONE;
+}
+
+static int DGFEM_PATH(dgfemi_factor_strips)(const dgfemi_panel *p, int first, int last, int from, int to,
+                                            const dgfem_real *diagonal) {
+    int strip;
+    for (strip = first; strip < last; strip++) {
+        int failed = DGFEM_PATH(dgfemi_factor_strip)(p, strip, from, to, diagonal);
+        if (failed != DGFEM_NONE) return failed;
+    }
+    return DGFEM_NONE;
+}
+
+/* Subtracts from the columns from `to` on what the columns from <= k < to contribute. */
+static void DGFEM_PATH(dgfemi_update_strips)(const dgfemi_panel *p, int first, int last, int from, int to) {
+    int chunk, strip, j;
+    for (chunk = to; chunk < p->width; chunk += DGFEM_UPDATE_COLUMNS)
+        for (strip = first; strip < last; strip++) {
+            dgfem_real *values = DGFEM_PATH(dgfemi_strip)(p, strip);
+            int end = DGFEM_PATH(dgfemi_strip_end)(p, strip, chunk + DGFEM_UPDATE_COLUMNS);
+            int vectors = DGFEM_PATH(dgfemi_panel_vectors)(p, strip);
+            for (j = chunk; j < end; j += DGFEM_TILE)
+                DGFEM_PATH(dgfemi_subtract_tile)(values + (size_t)from * DGFEM_STRIP,
+                                                 DGFEM_PATH(dgfemi_panel_row)(p, j, from), to - from,
+                                                 values + (size_t)j * DGFEM_STRIP,
+                                                 strip == j / DGFEM_STRIP ? j % DGFEM_STRIP / DGFEM_V_LANES : 0, vectors,
+                                                 DGFEM_PATH(dgfemi_tile_columns)(j, end));
+        }
+}
+
+/* Where strip `strip` of an update begins: it has all columns up to its own last row, the strips before it likewise. */
+static size_t DGFEM_PATH(dgfemi_update_strip)(int strip) {
+    return (size_t)strip * ((size_t)strip + 1) / 2 * DGFEM_STRIP * DGFEM_STRIP;
+}
+
+/* U = -B B^T, lower half, the strips first <= i < last of it. What is above the diagonal stays undefined. */
+static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u, int first, int last) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), from, chunk, strip, j;
+    for (from = 0; from < p->width; from += DGFEM_PANEL_COLUMNS) {
+        int count = p->width - from < DGFEM_PANEL_COLUMNS ? p->width - from : DGFEM_PANEL_COLUMNS;
+        for (chunk = 0; chunk < last * DGFEM_STRIP; chunk += DGFEM_UPDATE_COLUMNS)
+            for (strip = first; strip < last; strip++) {
+                const dgfem_real *a =
+                    DGFEM_PATH(dgfemi_strip)(p, pivot_strips + strip) + (size_t)from * DGFEM_STRIP;
+                int row = strip * DGFEM_STRIP, vectors = DGFEM_PATH(dgfemi_strip_vectors)(p->height, row);
+                int end = row + DGFEM_STRIP < p->height ? row + DGFEM_STRIP : p->height;
+                if (end > chunk + DGFEM_UPDATE_COLUMNS) end = chunk + DGFEM_UPDATE_COLUMNS;
+                for (j = chunk; j < end; j += DGFEM_TILE)
+                    DGFEM_PATH(dgfemi_store_tile)(
+                        a, DGFEM_PATH(dgfemi_panel_row)(p, pivot_strips * DGFEM_STRIP + j, from), count,
+                        u + DGFEM_PATH(dgfemi_update_strip)(strip) + (size_t)j * DGFEM_STRIP, from > 0,
+                        j > row ? (j - row) / DGFEM_V_LANES : 0, vectors, end - j);
+            }
+    }
+}
+
+/* ---- assembly ---- */
+
+/* Zeros strips of a panel, but for what no one reads above D's diagonal. */
+static void DGFEM_PATH(dgfemi_clear_panel)(const dgfemi_panel *p, int first, int last) {
+    int strip;
+    for (strip = first; strip < last; strip++)
+        memset(DGFEM_PATH(dgfemi_strip)(p, strip), 0,
+               (size_t)DGFEM_PATH(dgfemi_strip_end)(p, strip, p->width) * DGFEM_STRIP * sizeof(dgfem_real));
+}
+
+/* to += from: `columns` columns of `rows` rows of two strips. */
+static void DGFEM_PATH(dgfemi_add_rows)(dgfem_real *to, const dgfem_real *from, int columns, int rows) {
+    int vectors = rows / DGFEM_V_LANES, k, v, i;
+    if (rows == DGFEM_STRIP) vectors *= columns, columns = vectors > 0;
+    for (k = 0; k < columns; k++, to += DGFEM_STRIP, from += DGFEM_STRIP) {
+        dgfem_real sum[4];
+        for (v = 0; v < vectors; v++) {
+            dgfem_real *at = to + v * DGFEM_V_LANES;
+            DGFEM_V_STORE(at, DGFEM_V_ADD(DGFEM_V_LOAD(at), DGFEM_V_LOAD(from + v * DGFEM_V_LANES)));
+        }
+        if (rows == DGFEM_STRIP) continue;
+        for (v *= DGFEM_V_LANES; v + 4 <= rows; v += 4) {
+            for (i = 0; i < 4; i++) sum[i] = to[v + i] + from[v + i];
+            for (i = 0; i < 4; i++) to[v + i] = sum[i];
+        }
+        for (; v < rows; v++) to[v] += from[v];
+    }
+}
+
+/* Adds the rows of a child's update that the segments first <= i < last name: their columns that belong to the front's
+   panel, or those that belong to its own update. */
+static void DGFEM_PATH(dgfemi_add_update)(const dgfemi_extension *e, int first, int last) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(e->panel.width), width = e->panel.width, s, k, i;
+    for (s = first; s < last; s++) {
+        const dgfemi_run *rows = e->segments + s;
+        const dgfem_real *from = e->child + DGFEM_PATH(dgfemi_update_strip)(rows->row / DGFEM_STRIP);
+        int row = rows->front_row, shift = e->update ? width : 0;
+        dgfem_real *to;
+        if (e->update) to = e->update + DGFEM_PATH(dgfemi_update_strip)((row - width) / DGFEM_STRIP);
+        else if (row < width) to = DGFEM_PATH(dgfemi_strip)(&e->panel, row / DGFEM_STRIP);
+        else to = DGFEM_PATH(dgfemi_strip)(&e->panel, pivot_strips + (row - width) / DGFEM_STRIP);
+        to += (row < width ? row : row - width) % DGFEM_STRIP;
+        from += rows->row % DGFEM_STRIP;
+        for (k = 0; k < e->run_count && e->runs[k].row < rows->row + rows->length; k++) {
+            const dgfemi_run *columns = e->runs + k;
+            const dgfem_real *source = from + (size_t)columns->row * DGFEM_STRIP;
+            dgfem_real *target = to + (size_t)(columns->front_row - shift) * DGFEM_STRIP;
+            int whole = rows->row - columns->row, skip = 0; /* columns left of the diagonal; rows above it */
+            if (whole > columns->length) whole = columns->length;
+            if (whole > 0) DGFEM_PATH(dgfemi_add_rows)(target, source, whole, rows->length);
+            else skip = -whole, whole = 0;
+            for (; whole < columns->length && skip < rows->length; whole++, skip++)
+                for (i = skip; i < rows->length; i++)
+                    target[whole * DGFEM_STRIP + i] += source[whole * DGFEM_STRIP + i];
+        }
+    }
+}
+
+/* Adds one block of A to a panel; of diagonal blocks the lower half. */
+static void DGFEM_PATH(dgfemi_add_block)(const dgfemi_panel *p, const dgfemi_entry *entry, const dgfem_real *block) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), i, j, end;
+    int rows = entry->transposed ? entry->columns : entry->rows, columns = entry->transposed ? entry->rows : entry->columns;
+    int down = entry->transposed ? 1 : entry->columns, across = entry->transposed ? entry->columns : 1;
+    for (i = 0; i < rows; i = end) { /* the rows that are in one strip */
+        int row = entry->front_row + i, below = row >= p->width;
+        int strip = below ? pivot_strips + (row - p->width) / DGFEM_STRIP : row / DGFEM_STRIP;
+        int place = (below ? row - p->width : row) % DGFEM_STRIP, k;
+        dgfem_real *to = DGFEM_PATH(dgfemi_strip)(p, strip) + (size_t)entry->front_column * DGFEM_STRIP + place - i;
+        end = rows - i < DGFEM_STRIP - place ? rows : i + DGFEM_STRIP - place;
+        for (j = 0; j < columns; j++, to += DGFEM_STRIP) {
+            const dgfem_real *from = block + (ptrdiff_t)j * across;
+            k = entry->front_row == entry->front_column && j > i ? j : i;
+            if (down == 1)
+                for (; k < end; k++) to[k] += from[k];
+            else
+                for (; k < end; k++) to[k] += from[(ptrdiff_t)k * down];
+        }
+    }
+}
+
+/* ---- solves ---- */
+
+/* y[v] -= sum over k of strip(v, k) x[k] */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_strip_subtract)(const dgfem_real *strip, int columns, const dgfem_real *x,
+                                                    dgfem_real *y) {
+    DGFEM_VECTOR sum[DGFEM_VECTORS];
+    int k, v;
+    DGFEM_UNROLL
+    for (v = 0; v < DGFEM_VECTORS; v++) sum[v] = DGFEM_V_LOAD(y + v * DGFEM_V_LANES);
+    for (k = 0; k < columns; k++, strip += DGFEM_STRIP) {
+        DGFEM_VECTOR factor = DGFEM_V_ALL(x[k]);
+        DGFEM_UNROLL
+        for (v = 0; v < DGFEM_VECTORS; v++) sum[v] = DGFEM_V_FNMA(DGFEM_V_LOAD(strip + v * DGFEM_V_LANES), factor, sum[v]);
+    }
+    DGFEM_UNROLL
+    for (v = 0; v < DGFEM_VECTORS; v++) DGFEM_V_STORE(y + v * DGFEM_V_LANES, sum[v]);
+}
+
+/* x = L^-1 x for a supernode's own unknowns; below = -B x. Both have room for whole strips. */
+static void DGFEM_PATH(dgfemi_solve_panel)(const dgfemi_panel *p, dgfem_real *x, dgfem_real *below) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), strips = DGFEM_PATH(dgfemi_strips)(p->height), strip, c, v;
+    for (strip = 0; strip < pivot_strips; strip++) {
+        int first = strip * DGFEM_STRIP, columns = DGFEM_PATH(dgfemi_strip_end)(p, strip, p->width) - first;
+        const dgfem_real *triangle = DGFEM_PATH(dgfemi_strip)(p, strip) + (size_t)first * DGFEM_STRIP;
+        dgfem_real *y = x + first;
+        DGFEM_PATH(dgfemi_strip_subtract)(DGFEM_PATH(dgfemi_strip)(p, strip), first, x, y);
+        for (c = 0; c < columns; c++, triangle += DGFEM_STRIP) {
+            dgfem_real value = y[c] * triangle[c];
+            for (v = c / DGFEM_V_LANES; v < DGFEM_VECTORS; v++) {
+                DGFEM_VECTOR column = DGFEM_V_LOAD(triangle + v * DGFEM_V_LANES);
+                dgfem_real *at = y + v * DGFEM_V_LANES;
+                DGFEM_V_STORE(at, DGFEM_V_FNMA(column, DGFEM_V_ALL(value), DGFEM_V_LOAD(at)));
+            }
+            y[c] = value;
+        }
+    }
+    memset(below, 0, (size_t)strips * DGFEM_STRIP * sizeof *below);
+    for (strip = 0; strip < strips; strip++, below += DGFEM_STRIP)
+        DGFEM_PATH(dgfemi_strip_subtract)(DGFEM_PATH(dgfemi_strip)(p, pivot_strips + strip), p->width, x, below);
+}
+
+/* sums[k] += the vectors of column k of a strip times those of y, whose own sums are left to the end: so L is read in
+   the order in which it lies in memory. */
+static void DGFEM_PATH(dgfemi_strip_dot)(const dgfem_real *strip, int columns, const dgfem_real *y, dgfem_real *sums) {
+    DGFEM_VECTOR factor[DGFEM_VECTORS];
+    int k, v;
+    DGFEM_UNROLL
+    for (v = 0; v < DGFEM_VECTORS; v++) factor[v] = DGFEM_V_LOAD(y + v * DGFEM_V_LANES);
+    for (k = 0; k < columns; k++, strip += DGFEM_STRIP, sums += DGFEM_V_LANES) {
+        DGFEM_VECTOR sum = DGFEM_V_LOAD(sums);
+        DGFEM_UNROLL
+        for (v = 0; v < DGFEM_VECTORS; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(strip + v * DGFEM_V_LANES), factor[v], sum);
+        DGFEM_V_STORE(sums, sum);
+    }
+}
+
+/* x = L^-T (x - B^T below); both end in zeros up to whole strips. sums has a vector for each column. */
+static void DGFEM_PATH(dgfemi_solve_panel_transposed)(const dgfemi_panel *p, dgfem_real *x, const dgfem_real *below,
+                                                      dgfem_real *sums) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), strips = DGFEM_PATH(dgfemi_strips)(p->height);
+    int strip, c, r, i;
+    memset(sums, 0, (size_t)p->width * DGFEM_V_LANES * sizeof *sums);
+    for (strip = 0; strip < strips; strip++)
+        DGFEM_PATH(dgfemi_strip_dot)(DGFEM_PATH(dgfemi_strip)(p, pivot_strips + strip), p->width,
+                                     below + strip * DGFEM_STRIP, sums);
+    for (strip = pivot_strips - 1; strip >= 0; strip--) {
+        int first = strip * DGFEM_STRIP, columns = DGFEM_PATH(dgfemi_strip_end)(p, strip, p->width) - first;
+        const dgfem_real *triangle = DGFEM_PATH(dgfemi_strip)(p, strip) + (size_t)first * DGFEM_STRIP;
+        dgfem_real *y = x + first;
+        for (c = columns - 1; c >= 0; c--) {
+            const dgfem_real *column = triangle + c * DGFEM_STRIP, *parts = sums + (first + c) * DGFEM_V_LANES;
+            dgfem_real sum[4] = {0, 0, 0, 0};
+            for (i = 0; i < DGFEM_V_LANES; i++) sum[i % 4] += parts[i];
+            for (r = c + 1; r < columns; r++) sum[r % 4] += column[r] * y[r];
+            y[c] = (y[c] - ((sum[0] + sum[1]) + (sum[2] + sum[3]))) * column[c];
+        }
+        DGFEM_PATH(dgfemi_strip_dot)(DGFEM_PATH(dgfemi_strip)(p, strip), first, y, sums);
+    }
+}
+
+/* ---- products with row-major blocks ---- */
+
+/* y += A x, and with `both` w += A^T z, for `vectors` vectors of columns: the block is read once. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors, int both,
+                                                      const dgfem_real *x, dgfem_real *y, const dgfem_real *z,
+                                                      dgfem_real *w) {
+    DGFEM_VECTOR in[DGFEM_VECTORS], out[DGFEM_VECTORS];
+    int i, v, n, k;
+    DGFEM_UNROLL
+    for (v = 0; v < vectors; v++) {
+        in[v] = DGFEM_V_LOAD(x + v * DGFEM_V_LANES);
+        out[v] = both ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
+    }
+    for (i = 0; i < rows; i++, a += stride) {
+        dgfem_real parts[DGFEM_V_LANES];
+        DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(a), in[0]), factor = DGFEM_V_ALL(both ? z[i] : 0);
+        DGFEM_UNROLL
+        for (v = 1; v < vectors; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), in[v], sum);
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++)
+            if (both) out[v] = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), factor, out[v]);
+        DGFEM_V_STORE(parts, sum);
+        DGFEM_UNROLL
+        for (n = DGFEM_V_LANES / 2; n > 0; n /= 2)
+            for (k = 0; k < n; k++) parts[k] += parts[k + n];
+        y[i] += parts[0];
+    }
+    DGFEM_UNROLL
+    for (v = 0; v < vectors; v++)
+        if (both) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
+}
+
+/* y += A x and, unless z is NULL, w += A^T z. */
+static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int columns, const dgfem_real *x,
+                                              dgfem_real *y, const dgfem_real *z, dgfem_real *w) {
+    const int wide = DGFEM_STRIP;
+    int j = 0, i;
+    for (; z && j + wide <= columns; j += wide)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 1, x + j, y, z, w + j);
+    for (; z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 1, x + j, y, z, w + j);
+    for (; !z && j + wide <= columns; j += wide)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 0, x + j, y, NULL, NULL);
+    for (; !z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 0, x + j, y, NULL, NULL);
+    for (; j < columns; j++)
+        for (i = 0; i < rows; i++) {
+            dgfem_real value = a[(size_t)i * (size_t)columns + (size_t)j];
+            y[i] += value * x[j];
+            if (z) w[j] += value * z[i];
+        }
+}
+
+static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
+    static const dgfemi_kernels kernels = {
+        DGFEM_PATH_ID,
+        DGFEM_STRIP,
+        DGFEM_TILE,
+        DGFEM_V_LANES,
+        DGFEM_PATH(dgfemi_factor_strips),
+        DGFEM_PATH(dgfemi_update_strips),
+        DGFEM_PATH(dgfemi_make_update),
+        DGFEM_PATH(dgfemi_clear_panel),
+        DGFEM_PATH(dgfemi_add_update),
+        DGFEM_PATH(dgfemi_add_block),
+        DGFEM_PATH(dgfemi_solve_panel),
+        DGFEM_PATH(dgfemi_solve_panel_transposed),
+        DGFEM_PATH(dgfemi_multiply_block),
+    };
+    return &kernels;
+}
+
+#undef DGFEM_STRIP
+#undef DGFEM_CASE_3
+#undef DGFEM_CASE_4
+#undef DGFEM_SWITCH
+#undef DGFEM_PATH
+#undef DGFEM_PATH_ID
+#undef DGFEM_VECTOR
+#undef DGFEM_V_LANES
+#undef DGFEM_VECTORS
+#undef DGFEM_TILE
+#undef DGFEM_V_LOAD
+#undef DGFEM_V_STORE
+#undef DGFEM_V_ALL
+#undef DGFEM_V_ADD
+#undef DGFEM_V_SUB
+#undef DGFEM_V_MUL
+#undef DGFEM_V_FMA
+#undef DGFEM_V_FNMA
+
+#if defined(__clang__)
+#pragma clang attribute pop
+#else
+#pragma GCC pop_options
+#endif
+#endif
+
+/* ---- ARM and WebAssembly ---- */
+
+#if !defined(DGFEM_NO_SIMD) && defined(__aarch64__) && defined(__ARM_NEON)
+#define DGFEM_HAS_NEON 1
+# include <arm_neon.h>
+#if DGFEM_REAL_IS_FLOAT
+#define DGFEM_NEON_NAME(op) op##_f32
+#define DGFEM_VECTOR float32x4_t
+#define DGFEM_V_LANES 4
+#else
+#define DGFEM_NEON_NAME(op) op##_f64
+#define DGFEM_VECTOR float64x2_t
+#define DGFEM_V_LANES 2
+#endif
+#define DGFEM_PATH(name) name##_neon
+#define DGFEM_PATH_ID DGFEM_SIMD_NEON
+#define DGFEM_VECTORS 4
+#define DGFEM_TILE 4
+#define DGFEM_V_LOAD(p) DGFEM_NEON_NAME(vld1q)(p)
+#define DGFEM_V_STORE(p, v) DGFEM_NEON_NAME(vst1q)(p, v)
+#define DGFEM_V_ALL(x) DGFEM_NEON_NAME(vdupq_n)(x)
+#define DGFEM_V_ADD(a, b) DGFEM_NEON_NAME(vaddq)(a, b)
+#define DGFEM_V_SUB(a, b) DGFEM_NEON_NAME(vsubq)(a, b)
+#define DGFEM_V_MUL(a, b) DGFEM_NEON_NAME(vmulq)(a, b)
+#define DGFEM_V_FMA(a, b, c) DGFEM_NEON_NAME(vfmaq)(c, a, b)
+#define DGFEM_V_FNMA(a, b, c) DGFEM_NEON_NAME(vfmsq)(c, a, b)
+/* Dense kernels of the sparse Cholesky factorization and of products with blocks, written once: this part is inserted for each instruction set,
+   which simd.c describes by
+
+       DGFEM_PATH(name)                       the name with the instruction set's suffix
+       DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
+       DGFEM_VECTORS, DGFEM_TILE              vectors in a strip, columns of a tile (even; divides a strip's rows)
+       DGFEM_V_LOAD(p) _STORE(p, v) _ALL(x)   and _ADD(a, b), _SUB(a, b), _MUL(a, b)
+       DGFEM_V_FMA(a, b, c) _FNMA(a, b, c)    a b + c, c - a b
+
+   A strip is DGFEM_STRIP rows of a matrix, one column after the other: element (r, k) is strip[k * DGFEM_STRIP + r]. So
+   both operands of every product come in the order in which the innermost loop reads them: A's tile as vectors, B's as
+   single numbers. Rows that fill up the last strip of a matrix are zeros.
+
+   The functions that end in `tile` work on `columns` columns and on the vectors from `first` to the end of a strip with
+   `vectors` of them: those above a diagonal, and those that only fill up, are left out. */
+
+#define DGFEM_STRIP (DGFEM_V_LANES * DGFEM_VECTORS)
+
+/* ---- tiles ---- */
+
+/* sum[c * vectors + v] = sum over k of a(v, k) b(c, k): the loop that does nearly all the work of a factorization. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply)(const dgfem_real *a, const dgfem_real *b, int count, int vectors,
+                                              int columns, DGFEM_VECTOR *sum) {
+    int c, v;
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++) sum[c * vectors + v] = DGFEM_V_ALL(0);
+    }
+    DGFEM_ROLLED
+    for (; count > 0; count--, a += DGFEM_STRIP, b += DGFEM_STRIP) {
+        DGFEM_VECTOR x[DGFEM_VECTORS];
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++) x[v] = DGFEM_V_LOAD(a + v * DGFEM_V_LANES);
+        DGFEM_UNROLL
+        for (c = 0; c < columns; c++) {
+            DGFEM_VECTOR y = DGFEM_V_ALL(b[c]);
+            DGFEM_UNROLL
+            for (v = 0; v < vectors; v++) sum[c * vectors + v] = DGFEM_V_FMA(x[v], y, sum[c * vectors + v]);
+        }
+    }
+}
+
+/* x -= a b^T; then, unless t is NULL, x = x T^-T, T the square part of a tile on the diagonal. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_subtract)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                              const dgfem_real *t, int vectors, int columns) {
+    DGFEM_VECTOR sum[DGFEM_TILE * DGFEM_VECTORS];
+    int c, d, v;
+    DGFEM_PATH(dgfemi_multiply)(a, b, count, vectors, columns, sum);
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++)
+            sum[c * vectors + v] =
+                DGFEM_V_SUB(DGFEM_V_LOAD(x + c * DGFEM_STRIP + v * DGFEM_V_LANES), sum[c * vectors + v]);
+    }
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        if (t) {
+            DGFEM_VECTOR reciprocal = DGFEM_V_ALL(t[c * DGFEM_STRIP + c]);
+            DGFEM_UNROLL
+            for (v = 0; v < vectors; v++) sum[c * vectors + v] = DGFEM_V_MUL(sum[c * vectors + v], reciprocal);
+            DGFEM_UNROLL
+            for (d = c + 1; d < columns; d++) {
+                DGFEM_VECTOR factor = DGFEM_V_ALL(t[c * DGFEM_STRIP + d]);
+                DGFEM_UNROLL
+                for (v = 0; v < vectors; v++)
+                    sum[d * vectors + v] = DGFEM_V_FNMA(sum[c * vectors + v], factor, sum[d * vectors + v]);
+            }
+        }
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++)
+            DGFEM_V_STORE(x + c * DGFEM_STRIP + v * DGFEM_V_LANES, sum[c * vectors + v]);
+    }
+}
+
+/* u = -a b^T, or with `add` u -= a b^T. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_store)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *u, int add,
+                                           int vectors, int columns) {
+    DGFEM_VECTOR sum[DGFEM_TILE * DGFEM_VECTORS];
+    int c, v;
+    DGFEM_PATH(dgfemi_multiply)(a, b, count, vectors, columns, sum);
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++) {
+            dgfem_real *to = u + c * DGFEM_STRIP + v * DGFEM_V_LANES;
+            DGFEM_V_STORE(to, DGFEM_V_SUB(add ? DGFEM_V_LOAD(to) : DGFEM_V_ALL(0), sum[c * vectors + v]));
+        }
+    }
+}
+
+/* Calls a kernel with constants for the vectors from `first` to `vectors` and for whole or half tiles. */
+#if DGFEM_VECTORS > 2
+#define DGFEM_CASE_3(call, columns) case 3: call(3, columns); break;
+#else
+#define DGFEM_CASE_3(call, columns)
+#endif
+#if DGFEM_VECTORS > 3
+#define DGFEM_CASE_4(call, columns) case 4: call(4, columns); break;
+#else
+#define DGFEM_CASE_4(call, columns)
+#endif
+#define DGFEM_SWITCH(vectors, call, columns) \
+    switch (vectors) {                       \
+    case 1: call(1, columns); break;         \
+    case 2: call(2, columns); break;         \
+    DGFEM_CASE_3(call, columns)              \
+    DGFEM_CASE_4(call, columns)              \
+    default: break;                          \
+    }
+
+/* The same for any number of columns; the tile's other columns are computed and dropped. */
+static void DGFEM_PATH(dgfemi_subtract_part)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                             const dgfem_real *t, int vectors, int columns) {
+    DGFEM_VECTOR sum[DGFEM_TILE * DGFEM_VECTORS], *s = sum;
+    int c, d, v;
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_multiply)(a, b, count, n, m, sum)
+    DGFEM_SWITCH(vectors, DGFEM_CALL, DGFEM_TILE)
+#undef DGFEM_CALL
+    for (c = 0; c < columns; c++, s += vectors)
+        for (v = 0; v < vectors; v++) s[v] = DGFEM_V_SUB(DGFEM_V_LOAD(x + c * DGFEM_STRIP + v * DGFEM_V_LANES), s[v]);
+    for (c = 0, s = sum; c < columns; c++, s += vectors) {
+        for (v = 0; t && v < vectors; v++) s[v] = DGFEM_V_MUL(s[v], DGFEM_V_ALL(t[c * DGFEM_STRIP + c]));
+        for (d = c + 1; t && d < columns; d++)
+            for (v = 0; v < vectors; v++)
+                sum[d * vectors + v] = DGFEM_V_FNMA(s[v], DGFEM_V_ALL(t[c * DGFEM_STRIP + d]), sum[d * vectors + v]);
+        for (v = 0; v < vectors; v++) DGFEM_V_STORE(x + c * DGFEM_STRIP + v * DGFEM_V_LANES, s[v]);
+    }
+}
+
+static void DGFEM_PATH(dgfemi_subtract_tile)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                             int first, int vectors, int columns) {
+    if (count == 0) return;
+    a += first * DGFEM_V_LANES;
+    x += first * DGFEM_V_LANES;
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_subtract)(a, b, count, x, NULL, n, m)
+    if (columns == DGFEM_TILE) DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE)
+    else if (columns == DGFEM_TILE / 2) DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE / 2)
+    else DGFEM_PATH(dgfemi_subtract_part)(a, b, count, x, NULL, vectors - first, columns);
+#undef DGFEM_CALL
+}
+
+static void DGFEM_PATH(dgfemi_solve_tile)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                          const dgfem_real *t, int vectors, int columns) {
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_subtract)(a, b, count, x, t, n, m)
+    if (columns == DGFEM_TILE) DGFEM_SWITCH(vectors, DGFEM_CALL, DGFEM_TILE)
+    else if (columns == DGFEM_TILE / 2) DGFEM_SWITCH(vectors, DGFEM_CALL, DGFEM_TILE / 2)
+    else DGFEM_PATH(dgfemi_subtract_part)(a, b, count, x, t, vectors, columns);
+#undef DGFEM_CALL
+}
+
+/* May write the whole tile, or half of it where `columns` are no more. */
+static void DGFEM_PATH(dgfemi_store_tile)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *u, int add,
+                                          int first, int vectors, int columns) {
+    a += first * DGFEM_V_LANES;
+    u += first * DGFEM_V_LANES;
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_store)(a, b, count, u, add, n, m)
+    if (columns > DGFEM_TILE / 2) DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE)
+    else DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE / 2)
+#undef DGFEM_CALL
+}
+
+/* Cholesky of the square part of a tile on the diagonal, whose first column is row `offset` of the strip; solves for
+   the rows below. Returns the column whose pivot fails, or DGFEM_NONE. */
+static int DGFEM_PATH(dgfemi_factor_tile)(dgfem_real *x, int columns, int offset, int vectors,
+                                          const dgfem_real *diagonal) {
+    int c, d, r, v;
+    for (c = 0; c < columns; c++) {
+        dgfem_real *xc = x + c * DGFEM_STRIP;
+        dgfem_real pivot = xc[offset + c], reciprocal;
+        if (!dgfemi_pivot_is_good(pivot, diagonal[c])) return c;
+        reciprocal = 1 / dgfemi_sqrt(pivot);
+        for (r = 0; r < offset + c; r++) xc[r] = 0;
+        for (v = (offset + c) / DGFEM_V_LANES; v < vectors; v++) {
+            DGFEM_VECTOR scaled = DGFEM_V_MUL(DGFEM_V_LOAD(xc + v * DGFEM_V_LANES), DGFEM_V_ALL(reciprocal));
+            DGFEM_V_STORE(xc + v * DGFEM_V_LANES, scaled);
+        }
+        for (d = c + 1; d < columns; d++) {
+            DGFEM_VECTOR factor = DGFEM_V_ALL(xc[offset + d]);
+            for (v = (offset + d) / DGFEM_V_LANES; v < vectors; v++) {
+                dgfem_real *xd = x + d * DGFEM_STRIP + v * DGFEM_V_LANES;
+                DGFEM_V_STORE(xd, DGFEM_V_FNMA(DGFEM_V_LOAD(xc + v * DGFEM_V_LANES), factor, DGFEM_V_LOAD(xd)));
+            }
+        }
+        xc[offset + c] = reciprocal;
+    }
+    return DGFEM_NONE;
+}
+
+/* ---- panels ---- */
+
+static int DGFEM_PATH(dgfemi_strips)(int rows) { return rows / DGFEM_STRIP + (rows % DGFEM_STRIP != 0); }
+
+static dgfem_real *DGFEM_PATH(dgfemi_strip)(const dgfemi_panel *p, int strip) {
+    return p->values + (size_t)strip * DGFEM_STRIP * (size_t)p->width;
+}
+
+/* Row `row` of D, or behind D's strips of B, from column `column` on: the second operand of a product. */
+static const dgfem_real *DGFEM_PATH(dgfemi_panel_row)(const dgfemi_panel *p, int row, int column) {
+    return DGFEM_PATH(dgfemi_strip)(p, row / DGFEM_STRIP) + (size_t)column * DGFEM_STRIP + row % DGFEM_STRIP;
+}
+
+/* Vectors that hold the rows of a matrix from `row` on which are in one strip. */
+static int DGFEM_PATH(dgfemi_strip_vectors)(int rows, int row) {
+    return rows - row >= DGFEM_STRIP ? DGFEM_VECTORS : (rows - row + DGFEM_V_LANES - 1) / DGFEM_V_LANES;
+}
+
+static int DGFEM_PATH(dgfemi_panel_vectors)(const dgfemi_panel *p, int strip) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width);
+    return strip < pivot_strips ? DGFEM_PATH(dgfemi_strip_vectors)(p->width, strip * DGFEM_STRIP)
+                                : DGFEM_PATH(dgfemi_strip_vectors)(p->height, (strip - pivot_strips) * DGFEM_STRIP);
+}
+
+/* The column that a strip's columns end before: those of D end at the diagonal. */
+static int DGFEM_PATH(dgfemi_strip_end)(const dgfemi_panel *p, int strip, int limit) {
+    int end = strip < DGFEM_PATH(dgfemi_strips)(p->width) ? (strip + 1) * DGFEM_STRIP : p->width;
+    if (end > p->width) end = p->width;
+    return end < limit ? end : limit;
+}
+
+static int DGFEM_PATH(dgfemi_tile_columns)(int column, int end) {
+    return end - column < DGFEM_TILE ? end - column : DGFEM_TILE;
+}
+
+/* Columns from <= k < to of one strip of L, those before `from` being done with. The rows of D that they meet are
+   finished. Returns the column whose pivot fails, or DGFEM_NONE. */
+static int DGFEM_PATH(dgfemi_factor_strip)(const dgfemi_panel *p, int strip, int from, int to,
+                                           const dgfem_real *diagonal) {
+    dgfem_real *values = DGFEM_PATH(dgfemi_strip)(p, strip);
+    const dgfem_real *a = values + (size_t)from * DGFEM_STRIP;
+    int end = DGFEM_PATH(dgfemi_strip_end)(p, strip, to), vectors = DGFEM_PATH(dgfemi_panel_vectors)(p, strip), j;
+    for (j = from; j < end; j += DGFEM_TILE) {
+        dgfem_real *x = values + (size_t)j * DGFEM_STRIP;
+        const dgfem_real *b = DGFEM_PATH(dgfemi_panel_row)(p, j, from);
+        int columns = DGFEM_PATH(dgfemi_tile_columns)(j, end), offset = j % DGFEM_STRIP, failed;
+        if (strip != j / DGFEM_STRIP) {
+            DGFEM_PATH(dgfemi_solve_tile)(a, b, j - from, x, b + (size_t)(j - from) * DGFEM_STRIP, vectors, columns);
+            continue;
+        }
+        DGFEM_PATH(dgfemi_subtract_tile)(a, b, j - from, x, offset / DGFEM_V_LANES, vectors, columns);
+        failed = DGFEM_PATH(dgfemi_factor_tile)(x, columns, offset, vectors, diagonal + j);
+        if (failed != DGFEM_NONE) return j + failed;
+    }
+    return DGFEM_NONE;
+}
+
+static int DGFEM_PATH(dgfemi_factor_strips)(const dgfemi_panel *p, int first, int last, int from, int to,
+                                            const dgfem_real *diagonal) {
+    int strip;
+    for (strip = first; strip < last; strip++) {
+        int failed = DGFEM_PATH(dgfemi_factor_strip)(p, strip, from, to, diagonal);
+        if (failed != DGFEM_NONE) return failed;
+    }
+    return DGFEM_NONE;
+}
+
+/* Subtracts from the columns from `to` on what the columns from <= k < to contribute. */
+static void DGFEM_PATH(dgfemi_update_strips)(const dgfemi_panel *p, int first, int last, int from, int to) {
+    int chunk, strip, j;
+    for (chunk = to; chunk < p->width; chunk += DGFEM_UPDATE_COLUMNS)
+        for (strip = first; strip < last; strip++) {
+            dgfem_real *values = DGFEM_PATH(dgfemi_strip)(p, strip);
+            int end = DGFEM_PATH(dgfemi_strip_end)(p, strip, chunk + DGFEM_UPDATE_COLUMNS);
+            int vectors = DGFEM_PATH(dgfemi_panel_vectors)(p, strip);
+            for (j = chunk; j < end; j += DGFEM_TILE)
+                DGFEM_PATH(dgfemi_subtract_tile)(values + (size_t)from * DGFEM_STRIP,
+                                                 DGFEM_PATH(dgfemi_panel_row)(p, j, from), to - from,
+                                                 values + (size_t)j * DGFEM_STRIP,
+                                                 strip == j / DGFEM_STRIP ? j % DGFEM_STRIP / DGFEM_V_LANES : 0, vectors,
+                                                 DGFEM_PATH(dgfemi_tile_columns)(j, end));
+        }
+}
+
+/* Where strip `strip` of an update begins: it has all columns up to its own last row, the strips before it likewise. */
+static size_t DGFEM_PATH(dgfemi_update_strip)(int strip) {
+    return (size_t)strip * ((size_t)strip + 1) / 2 * DGFEM_STRIP * DGFEM_STRIP;
+}
+
+/* U = -B B^T, lower half, the strips first <= i < last of it. What is above the diagonal stays undefined. */
+static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u, int first, int last) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), from, chunk, strip, j;
+    for (from = 0; from < p->width; from += DGFEM_PANEL_COLUMNS) {
+        int count = p->width - from < DGFEM_PANEL_COLUMNS ? p->width - from : DGFEM_PANEL_COLUMNS;
+        for (chunk = 0; chunk < last * DGFEM_STRIP; chunk += DGFEM_UPDATE_COLUMNS)
+            for (strip = first; strip < last; strip++) {
+                const dgfem_real *a =
+                    DGFEM_PATH(dgfemi_strip)(p, pivot_strips + strip) + (size_t)from * DGFEM_STRIP;
+                int row = strip * DGFEM_STRIP, vectors = DGFEM_PATH(dgfemi_strip_vectors)(p->height, row);
+                int end = row + DGFEM_STRIP < p->height ? row + DGFEM_STRIP : p->height;
+                if (end > chunk + DGFEM_UPDATE_COLUMNS) end = chunk + DGFEM_UPDATE_COLUMNS;
+                for (j = chunk; j < end; j += DGFEM_TILE)
+                    DGFEM_PATH(dgfemi_store_tile)(
+                        a, DGFEM_PATH(dgfemi_panel_row)(p, pivot_strips * DGFEM_STRIP + j, from), count,
+                        u + DGFEM_PATH(dgfemi_update_strip)(strip) + (size_t)j * DGFEM_STRIP, from > 0,
+                        j > row ? (j - row) / DGFEM_V_LANES : 0, vectors, end - j);
+            }
+    }
+}
+
+/* ---- assembly ---- */
+
+/* Zeros strips of a panel, but for what no one reads above D's diagonal. */
+static void DGFEM_PATH(dgfemi_clear_panel)(const dgfemi_panel *p, int first, int last) {
+    int strip;
+    for (strip = first; strip < last; strip++)
+        memset(DGFEM_PATH(dgfemi_strip)(p, strip), 0,
+               (size_t)DGFEM_PATH(dgfemi_strip_end)(p, strip, p->width) * DGFEM_STRIP * sizeof(dgfem_real));
+}
+
+/* to += from: `columns` columns of `rows` rows of two strips. */
+static void DGFEM_PATH(dgfemi_add_rows)(dgfem_real *to, const dgfem_real *from, int columns, int rows) {
+    int vectors = rows / DGFEM_V_LANES, k, v, i;
+    if (rows == DGFEM_STRIP) vectors *= columns, columns = vectors > 0;
+    for (k = 0; k < columns; k++, to += DGFEM_STRIP, from += DGFEM_STRIP) {
+        dgfem_real sum[4];
+        for (v = 0; v < vectors; v++) {
+            dgfem_real *at = to + v * DGFEM_V_LANES;
+            DGFEM_V_STORE(at, DGFEM_V_ADD(DGFEM_V_LOAD(at), DGFEM_V_LOAD(from + v * DGFEM_V_LANES)));
+        }
+        if (rows == DGFEM_STRIP) continue;
+        for (v *= DGFEM_V_LANES; v + 4 <= rows; v += 4) {
+            for (i = 0; i < 4; i++) sum[i] = to[v + i] + from[v + i];
+            for (i = 0; i < 4; i++) to[v + i] = sum[i];
+        }
+        for (; v < rows; v++) to[v] += from[v];
+    }
+}
+
+/* Adds the rows of a child's update that the segments first <= i < last name: their columns that belong to the front's
+   panel, or those that belong to its own update. */
+static void DGFEM_PATH(dgfemi_add_update)(const dgfemi_extension *e, int first, int last) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(e->panel.width), width = e->panel.width, s, k, i;
+    for (s = first; s < last; s++) {
+        const dgfemi_run *rows = e->segments + s;
+        const dgfem_real *from = e->child + DGFEM_PATH(dgfemi_update_strip)(rows->row / DGFEM_STRIP);
+        int row = rows->front_row, shift = e->update ? width : 0;
+        dgfem_real *to;
+        if (e->update) to = e->update + DGFEM_PATH(dgfemi_update_strip)((row - width) / DGFEM_STRIP);
+        else if (row < width) to = DGFEM_PATH(dgfemi_strip)(&e->panel, row / DGFEM_STRIP);
+        else to = DGFEM_PATH(dgfemi_strip)(&e->panel, pivot_strips + (row - width) / DGFEM_STRIP);
+        to += (row < width ? row : row - width) % DGFEM_STRIP;
+        from += rows->row % DGFEM_STRIP;
+        for (k = 0; k < e->run_count && e->runs[k].row < rows->row + rows->length; k++) {
+            const dgfemi_run *columns = e->runs + k;
+            const dgfem_real *source = from + (size_t)columns->row * DGFEM_STRIP;
+            dgfem_real *target = to + (size_t)(columns->front_row - shift) * DGFEM_STRIP;
+            int whole = rows->row - columns->row, skip = 0; /* columns left of the diagonal; rows above it */
+            if (whole > columns->length) whole = columns->length;
+            if (whole > 0) DGFEM_PATH(dgfemi_add_rows)(target, source, whole, rows->length);
+            else skip = -whole, whole = 0;
+            for (; whole < columns->length && skip < rows->length; whole++, skip++)
+                for (i = skip; i < rows->length; i++)
+                    target[whole * DGFEM_STRIP + i] += source[whole * DGFEM_STRIP + i];
+        }
+    }
+}
+
+/* Adds one block of A to a panel; of diagonal blocks the lower half. */
+static void DGFEM_PATH(dgfemi_add_block)(const dgfemi_panel *p, const dgfemi_entry *entry, const dgfem_real *block) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), i, j, end;
+    int rows = entry->transposed ? entry->columns : entry->rows, columns = entry->transposed ? entry->rows : entry->columns;
+    int down = entry->transposed ? 1 : entry->columns, across = entry->transposed ? entry->columns : 1;
+    for (i = 0; i < rows; i = end) { /* the rows that are in one strip */
+        int row = entry->front_row + i, below = row >= p->width;
+        int strip = below ? pivot_strips + (row - p->width) / DGFEM_STRIP : row / DGFEM_STRIP;
+        int place = (below ? row - p->width : row) % DGFEM_STRIP, k;
+        dgfem_real *to = DGFEM_PATH(dgfemi_strip)(p, strip) + (size_t)entry->front_column * DGFEM_STRIP + place - i;
+        end = rows - i < DGFEM_STRIP - place ? rows : i + DGFEM_STRIP - place;
+        for (j = 0; j < columns; j++, to += DGFEM_STRIP) {
+            const dgfem_real *from = block + (ptrdiff_t)j * across;
+            k = entry->front_row == entry->front_column && j > i ? j : i;
+            if (down == 1)
+                for (; k < end; k++) to[k] += from[k];
+            else
+                for (; k < end; k++) to[k] += from[(ptrdiff_t)k * down];
+        }
+    }
+}
+
+/* ---- solves ---- */
+
+/* y[v] -= sum over k of strip(v, k) x[k] */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_strip_subtract)(const dgfem_real *strip, int columns, const dgfem_real *x,
+                                                    dgfem_real *y) {
+    DGFEM_VECTOR sum[DGFEM_VECTORS];
+    int k, v;
+    DGFEM_UNROLL
+    for (v = 0; v < DGFEM_VECTORS; v++) sum[v] = DGFEM_V_LOAD(y + v * DGFEM_V_LANES);
+    for (k = 0; k < columns; k++, strip += DGFEM_STRIP) {
+        DGFEM_VECTOR factor = DGFEM_V_ALL(x[k]);
+        DGFEM_UNROLL
+        for (v = 0; v < DGFEM_VECTORS; v++) sum[v] = DGFEM_V_FNMA(DGFEM_V_LOAD(strip + v * DGFEM_V_LANES), factor, sum[v]);
+    }
+    DGFEM_UNROLL
+    for (v = 0; v < DGFEM_VECTORS; v++) DGFEM_V_STORE(y + v * DGFEM_V_LANES, sum[v]);
+}
+
+/* x = L^-1 x for a supernode's own unknowns; below = -B x. Both have room for whole strips. */
+static void DGFEM_PATH(dgfemi_solve_panel)(const dgfemi_panel *p, dgfem_real *x, dgfem_real *below) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), strips = DGFEM_PATH(dgfemi_strips)(p->height), strip, c, v;
+    for (strip = 0; strip < pivot_strips; strip++) {
+        int first = strip * DGFEM_STRIP, columns = DGFEM_PATH(dgfemi_strip_end)(p, strip, p->width) - first;
+        const dgfem_real *triangle = DGFEM_PATH(dgfemi_strip)(p, strip) + (size_t)first * DGFEM_STRIP;
+        dgfem_real *y = x + first;
+        DGFEM_PATH(dgfemi_strip_subtract)(DGFEM_PATH(dgfemi_strip)(p, strip), first, x, y);
+        for (c = 0; c < columns; c++, triangle += DGFEM_STRIP) {
+            dgfem_real value = y[c] * triangle[c];
+            for (v = c / DGFEM_V_LANES; v < DGFEM_VECTORS; v++) {
+                DGFEM_VECTOR column = DGFEM_V_LOAD(triangle + v * DGFEM_V_LANES);
+                dgfem_real *at = y + v * DGFEM_V_LANES;
+                DGFEM_V_STORE(at, DGFEM_V_FNMA(column, DGFEM_V_ALL(value), DGFEM_V_LOAD(at)));
+            }
+            y[c] = value;
+        }
+    }
+    memset(below, 0, (size_t)strips * DGFEM_STRIP * sizeof *below);
+    for (strip = 0; strip < strips; strip++, below += DGFEM_STRIP)
+        DGFEM_PATH(dgfemi_strip_subtract)(DGFEM_PATH(dgfemi_strip)(p, pivot_strips + strip), p->width, x, below);
+}
+
+/* sums[k] += the vectors of column k of a strip times those of y, whose own sums are left to the end: so L is read in
+   the order in which it lies in memory. */
+static void DGFEM_PATH(dgfemi_strip_dot)(const dgfem_real *strip, int columns, const dgfem_real *y, dgfem_real *sums) {
+    DGFEM_VECTOR factor[DGFEM_VECTORS];
+    int k, v;
+    DGFEM_UNROLL
+    for (v = 0; v < DGFEM_VECTORS; v++) factor[v] = DGFEM_V_LOAD(y + v * DGFEM_V_LANES);
+    for (k = 0; k < columns; k++, strip += DGFEM_STRIP, sums += DGFEM_V_LANES) {
+        DGFEM_VECTOR sum = DGFEM_V_LOAD(sums);
+        DGFEM_UNROLL
+        for (v = 0; v < DGFEM_VECTORS; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(strip + v * DGFEM_V_LANES), factor[v], sum);
+        DGFEM_V_STORE(sums, sum);
+    }
+}
+
+/* x = L^-T (x - B^T below); both end in zeros up to whole strips. sums has a vector for each column. */
+static void DGFEM_PATH(dgfemi_solve_panel_transposed)(const dgfemi_panel *p, dgfem_real *x, const dgfem_real *below,
+                                                      dgfem_real *sums) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), strips = DGFEM_PATH(dgfemi_strips)(p->height);
+    int strip, c, r, i;
+    memset(sums, 0, (size_t)p->width * DGFEM_V_LANES * sizeof *sums);
+    for (strip = 0; strip < strips; strip++)
+        DGFEM_PATH(dgfemi_strip_dot)(DGFEM_PATH(dgfemi_strip)(p, pivot_strips + strip), p->width,
+                                     below + strip * DGFEM_STRIP, sums);
+    for (strip = pivot_strips - 1; strip >= 0; strip--) {
+        int first = strip * DGFEM_STRIP, columns = DGFEM_PATH(dgfemi_strip_end)(p, strip, p->width) - first;
+        const dgfem_real *triangle = DGFEM_PATH(dgfemi_strip)(p, strip) + (size_t)first * DGFEM_STRIP;
+        dgfem_real *y = x + first;
+        for (c = columns - 1; c >= 0; c--) {
+            const dgfem_real *column = triangle + c * DGFEM_STRIP, *parts = sums + (first + c) * DGFEM_V_LANES;
+            dgfem_real sum[4] = {0, 0, 0, 0};
+            for (i = 0; i < DGFEM_V_LANES; i++) sum[i % 4] += parts[i];
+            for (r = c + 1; r < columns; r++) sum[r % 4] += column[r] * y[r];
+            y[c] = (y[c] - ((sum[0] + sum[1]) + (sum[2] + sum[3]))) * column[c];
+        }
+        DGFEM_PATH(dgfemi_strip_dot)(DGFEM_PATH(dgfemi_strip)(p, strip), first, y, sums);
+    }
+}
+
+/* ---- products with row-major blocks ---- */
+
+/* y += A x, and with `both` w += A^T z, for `vectors` vectors of columns: the block is read once. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors, int both,
+                                                      const dgfem_real *x, dgfem_real *y, const dgfem_real *z,
+                                                      dgfem_real *w) {
+    DGFEM_VECTOR in[DGFEM_VECTORS], out[DGFEM_VECTORS];
+    int i, v, n, k;
+    DGFEM_UNROLL
+    for (v = 0; v < vectors; v++) {
+        in[v] = DGFEM_V_LOAD(x + v * DGFEM_V_LANES);
+        out[v] = both ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
+    }
+    for (i = 0; i < rows; i++, a += stride) {
+        dgfem_real parts[DGFEM_V_LANES];
+        DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(a), in[0]), factor = DGFEM_V_ALL(both ? z[i] : 0);
+        DGFEM_UNROLL
+        for (v = 1; v < vectors; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), in[v], sum);
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++)
+            if (both) out[v] = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), factor, out[v]);
+        DGFEM_V_STORE(parts, sum);
+        DGFEM_UNROLL
+        for (n = DGFEM_V_LANES / 2; n > 0; n /= 2)
+            for (k = 0; k < n; k++) parts[k] += parts[k + n];
+        y[i] += parts[0];
+    }
+    DGFEM_UNROLL
+    for (v = 0; v < vectors; v++)
+        if (both) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
+}
+
+/* y += A x and, unless z is NULL, w += A^T z. */
+static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int columns, const dgfem_real *x,
+                                              dgfem_real *y, const dgfem_real *z, dgfem_real *w) {
+    const int wide = DGFEM_STRIP;
+    int j = 0, i;
+    for (; z && j + wide <= columns; j += wide)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 1, x + j, y, z, w + j);
+    for (; z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 1, x + j, y, z, w + j);
+    for (; !z && j + wide <= columns; j += wide)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 0, x + j, y, NULL, NULL);
+    for (; !z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 0, x + j, y, NULL, NULL);
+    for (; j < columns; j++)
+        for (i = 0; i < rows; i++) {
+            dgfem_real value = a[(size_t)i * (size_t)columns + (size_t)j];
+            y[i] += value * x[j];
+            if (z) w[j] += value * z[i];
+        }
+}
+
+static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
+    static const dgfemi_kernels kernels = {
+        DGFEM_PATH_ID,
+        DGFEM_STRIP,
+        DGFEM_TILE,
+        DGFEM_V_LANES,
+        DGFEM_PATH(dgfemi_factor_strips),
+        DGFEM_PATH(dgfemi_update_strips),
+        DGFEM_PATH(dgfemi_make_update),
+        DGFEM_PATH(dgfemi_clear_panel),
+        DGFEM_PATH(dgfemi_add_update),
+        DGFEM_PATH(dgfemi_add_block),
+        DGFEM_PATH(dgfemi_solve_panel),
+        DGFEM_PATH(dgfemi_solve_panel_transposed),
+        DGFEM_PATH(dgfemi_multiply_block),
+    };
+    return &kernels;
+}
+
+#undef DGFEM_STRIP
+#undef DGFEM_CASE_3
+#undef DGFEM_CASE_4
+#undef DGFEM_SWITCH
+#undef DGFEM_PATH
+#undef DGFEM_PATH_ID
+#undef DGFEM_VECTOR
+#undef DGFEM_V_LANES
+#undef DGFEM_VECTORS
+#undef DGFEM_TILE
+#undef DGFEM_V_LOAD
+#undef DGFEM_V_STORE
+#undef DGFEM_V_ALL
+#undef DGFEM_V_ADD
+#undef DGFEM_V_SUB
+#undef DGFEM_V_MUL
+#undef DGFEM_V_FMA
+#undef DGFEM_V_FNMA
+
+#endif
+
+#if !defined(DGFEM_NO_SIMD) && defined(__wasm_simd128__)
+#define DGFEM_HAS_WASM 1
+# include <wasm_simd128.h>
+#if DGFEM_REAL_IS_FLOAT
+#define DGFEM_WASM_NAME(op) wasm_f32x4_##op
+#define DGFEM_V_LANES 4
+#else
+#define DGFEM_WASM_NAME(op) wasm_f64x2_##op
+#define DGFEM_V_LANES 2
+#endif
+#define DGFEM_PATH(name) name##_wasm
+#define DGFEM_PATH_ID DGFEM_SIMD_WASM
+#define DGFEM_VECTOR v128_t
+#define DGFEM_VECTORS 2
+#define DGFEM_TILE 4
+#define DGFEM_V_LOAD(p) wasm_v128_load(p)
+#define DGFEM_V_STORE(p, v) wasm_v128_store(p, v)
+#define DGFEM_V_ALL(x) DGFEM_WASM_NAME(splat)(x)
+#define DGFEM_V_ADD(a, b) DGFEM_WASM_NAME(add)(a, b)
+#define DGFEM_V_SUB(a, b) DGFEM_WASM_NAME(sub)(a, b)
+#define DGFEM_V_MUL(a, b) DGFEM_WASM_NAME(mul)(a, b)
+#define DGFEM_V_FMA(a, b, c) DGFEM_V_ADD(DGFEM_V_MUL(a, b), c)
+#define DGFEM_V_FNMA(a, b, c) DGFEM_V_SUB(c, DGFEM_V_MUL(a, b))
+/* Dense kernels of the sparse Cholesky factorization and of products with blocks, written once: this part is inserted for each instruction set,
+   which simd.c describes by
+
+       DGFEM_PATH(name)                       the name with the instruction set's suffix
+       DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
+       DGFEM_VECTORS, DGFEM_TILE              vectors in a strip, columns of a tile (even; divides a strip's rows)
+       DGFEM_V_LOAD(p) _STORE(p, v) _ALL(x)   and _ADD(a, b), _SUB(a, b), _MUL(a, b)
+       DGFEM_V_FMA(a, b, c) _FNMA(a, b, c)    a b + c, c - a b
+
+   A strip is DGFEM_STRIP rows of a matrix, one column after the other: element (r, k) is strip[k * DGFEM_STRIP + r]. So
+   both operands of every product come in the order in which the innermost loop reads them: A's tile as vectors, B's as
+   single numbers. Rows that fill up the last strip of a matrix are zeros.
+
+   The functions that end in `tile` work on `columns` columns and on the vectors from `first` to the end of a strip with
+   `vectors` of them: those above a diagonal, and those that only fill up, are left out. */
+
+#define DGFEM_STRIP (DGFEM_V_LANES * DGFEM_VECTORS)
+
+/* ---- tiles ---- */
+
+/* sum[c * vectors + v] = sum over k of a(v, k) b(c, k): the loop that does nearly all the work of a factorization. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply)(const dgfem_real *a, const dgfem_real *b, int count, int vectors,
+                                              int columns, DGFEM_VECTOR *sum) {
+    int c, v;
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++) sum[c * vectors + v] = DGFEM_V_ALL(0);
+    }
+    DGFEM_ROLLED
+    for (; count > 0; count--, a += DGFEM_STRIP, b += DGFEM_STRIP) {
+        DGFEM_VECTOR x[DGFEM_VECTORS];
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++) x[v] = DGFEM_V_LOAD(a + v * DGFEM_V_LANES);
+        DGFEM_UNROLL
+        for (c = 0; c < columns; c++) {
+            DGFEM_VECTOR y = DGFEM_V_ALL(b[c]);
+            DGFEM_UNROLL
+            for (v = 0; v < vectors; v++) sum[c * vectors + v] = DGFEM_V_FMA(x[v], y, sum[c * vectors + v]);
+        }
+    }
+}
+
+/* x -= a b^T; then, unless t is NULL, x = x T^-T, T the square part of a tile on the diagonal. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_subtract)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                              const dgfem_real *t, int vectors, int columns) {
+    DGFEM_VECTOR sum[DGFEM_TILE * DGFEM_VECTORS];
+    int c, d, v;
+    DGFEM_PATH(dgfemi_multiply)(a, b, count, vectors, columns, sum);
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++)
+            sum[c * vectors + v] =
+                DGFEM_V_SUB(DGFEM_V_LOAD(x + c * DGFEM_STRIP + v * DGFEM_V_LANES), sum[c * vectors + v]);
+    }
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        if (t) {
+            DGFEM_VECTOR reciprocal = DGFEM_V_ALL(t[c * DGFEM_STRIP + c]);
+            DGFEM_UNROLL
+            for (v = 0; v < vectors; v++) sum[c * vectors + v] = DGFEM_V_MUL(sum[c * vectors + v], reciprocal);
+            DGFEM_UNROLL
+            for (d = c + 1; d < columns; d++) {
+                DGFEM_VECTOR factor = DGFEM_V_ALL(t[c * DGFEM_STRIP + d]);
+                DGFEM_UNROLL
+                for (v = 0; v < vectors; v++)
+                    sum[d * vectors + v] = DGFEM_V_FNMA(sum[c * vectors + v], factor, sum[d * vectors + v]);
+            }
+        }
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++)
+            DGFEM_V_STORE(x + c * DGFEM_STRIP + v * DGFEM_V_LANES, sum[c * vectors + v]);
+    }
+}
+
+/* u = -a b^T, or with `add` u -= a b^T. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_store)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *u, int add,
+                                           int vectors, int columns) {
+    DGFEM_VECTOR sum[DGFEM_TILE * DGFEM_VECTORS];
+    int c, v;
+    DGFEM_PATH(dgfemi_multiply)(a, b, count, vectors, columns, sum);
+    DGFEM_UNROLL
+    for (c = 0; c < columns; c++) {
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++) {
+            dgfem_real *to = u + c * DGFEM_STRIP + v * DGFEM_V_LANES;
+            DGFEM_V_STORE(to, DGFEM_V_SUB(add ? DGFEM_V_LOAD(to) : DGFEM_V_ALL(0), sum[c * vectors + v]));
+        }
+    }
+}
+
+/* Calls a kernel with constants for the vectors from `first` to `vectors` and for whole or half tiles. */
+#if DGFEM_VECTORS > 2
+#define DGFEM_CASE_3(call, columns) case 3: call(3, columns); break;
+#else
+#define DGFEM_CASE_3(call, columns)
+#endif
+#if DGFEM_VECTORS > 3
+#define DGFEM_CASE_4(call, columns) case 4: call(4, columns); break;
+#else
+#define DGFEM_CASE_4(call, columns)
+#endif
+#define DGFEM_SWITCH(vectors, call, columns) \
+    switch (vectors) {                       \
+    case 1: call(1, columns); break;         \
+    case 2: call(2, columns); break;         \
+    DGFEM_CASE_3(call, columns)              \
+    DGFEM_CASE_4(call, columns)              \
+    default: break;                          \
+    }
+
+/* The same for any number of columns; the tile's other columns are computed and dropped. */
+static void DGFEM_PATH(dgfemi_subtract_part)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                             const dgfem_real *t, int vectors, int columns) {
+    DGFEM_VECTOR sum[DGFEM_TILE * DGFEM_VECTORS], *s = sum;
+    int c, d, v;
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_multiply)(a, b, count, n, m, sum)
+    DGFEM_SWITCH(vectors, DGFEM_CALL, DGFEM_TILE)
+#undef DGFEM_CALL
+    for (c = 0; c < columns; c++, s += vectors)
+        for (v = 0; v < vectors; v++) s[v] = DGFEM_V_SUB(DGFEM_V_LOAD(x + c * DGFEM_STRIP + v * DGFEM_V_LANES), s[v]);
+    for (c = 0, s = sum; c < columns; c++, s += vectors) {
+        for (v = 0; t && v < vectors; v++) s[v] = DGFEM_V_MUL(s[v], DGFEM_V_ALL(t[c * DGFEM_STRIP + c]));
+        for (d = c + 1; t && d < columns; d++)
+            for (v = 0; v < vectors; v++)
+                sum[d * vectors + v] = DGFEM_V_FNMA(s[v], DGFEM_V_ALL(t[c * DGFEM_STRIP + d]), sum[d * vectors + v]);
+        for (v = 0; v < vectors; v++) DGFEM_V_STORE(x + c * DGFEM_STRIP + v * DGFEM_V_LANES, s[v]);
+    }
+}
+
+static void DGFEM_PATH(dgfemi_subtract_tile)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                             int first, int vectors, int columns) {
+    if (count == 0) return;
+    a += first * DGFEM_V_LANES;
+    x += first * DGFEM_V_LANES;
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_subtract)(a, b, count, x, NULL, n, m)
+    if (columns == DGFEM_TILE) DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE)
+    else if (columns == DGFEM_TILE / 2) DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE / 2)
+    else DGFEM_PATH(dgfemi_subtract_part)(a, b, count, x, NULL, vectors - first, columns);
+#undef DGFEM_CALL
+}
+
+static void DGFEM_PATH(dgfemi_solve_tile)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x,
+                                          const dgfem_real *t, int vectors, int columns) {
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_subtract)(a, b, count, x, t, n, m)
+    if (columns == DGFEM_TILE) DGFEM_SWITCH(vectors, DGFEM_CALL, DGFEM_TILE)
+    else if (columns == DGFEM_TILE / 2) DGFEM_SWITCH(vectors, DGFEM_CALL, DGFEM_TILE / 2)
+    else DGFEM_PATH(dgfemi_subtract_part)(a, b, count, x, t, vectors, columns);
+#undef DGFEM_CALL
+}
+
+/* May write the whole tile, or half of it where `columns` are no more. */
+static void DGFEM_PATH(dgfemi_store_tile)(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *u, int add,
+                                          int first, int vectors, int columns) {
+    a += first * DGFEM_V_LANES;
+    u += first * DGFEM_V_LANES;
+#define DGFEM_CALL(n, m) DGFEM_PATH(dgfemi_store)(a, b, count, u, add, n, m)
+    if (columns > DGFEM_TILE / 2) DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE)
+    else DGFEM_SWITCH(vectors - first, DGFEM_CALL, DGFEM_TILE / 2)
+#undef DGFEM_CALL
+}
+
+/* Cholesky of the square part of a tile on the diagonal, whose first column is row `offset` of the strip; solves for
+   the rows below. Returns the column whose pivot fails, or DGFEM_NONE. */
+static int DGFEM_PATH(dgfemi_factor_tile)(dgfem_real *x, int columns, int offset, int vectors,
+                                          const dgfem_real *diagonal) {
+    int c, d, r, v;
+    for (c = 0; c < columns; c++) {
+        dgfem_real *xc = x + c * DGFEM_STRIP;
+        dgfem_real pivot = xc[offset + c], reciprocal;
+        if (!dgfemi_pivot_is_good(pivot, diagonal[c])) return c;
+        reciprocal = 1 / dgfemi_sqrt(pivot);
+        for (r = 0; r < offset + c; r++) xc[r] = 0;
+        for (v = (offset + c) / DGFEM_V_LANES; v < vectors; v++) {
+            DGFEM_VECTOR scaled = DGFEM_V_MUL(DGFEM_V_LOAD(xc + v * DGFEM_V_LANES), DGFEM_V_ALL(reciprocal));
+            DGFEM_V_STORE(xc + v * DGFEM_V_LANES, scaled);
+        }
+        for (d = c + 1; d < columns; d++) {
+            DGFEM_VECTOR factor = DGFEM_V_ALL(xc[offset + d]);
+            for (v = (offset + d) / DGFEM_V_LANES; v < vectors; v++) {
+                dgfem_real *xd = x + d * DGFEM_STRIP + v * DGFEM_V_LANES;
+                DGFEM_V_STORE(xd, DGFEM_V_FNMA(DGFEM_V_LOAD(xc + v * DGFEM_V_LANES), factor, DGFEM_V_LOAD(xd)));
+            }
+        }
+        xc[offset + c] = reciprocal;
+    }
+    return DGFEM_NONE;
+}
+
+/* ---- panels ---- */
+
+static int DGFEM_PATH(dgfemi_strips)(int rows) { return rows / DGFEM_STRIP + (rows % DGFEM_STRIP != 0); }
+
+static dgfem_real *DGFEM_PATH(dgfemi_strip)(const dgfemi_panel *p, int strip) {
+    return p->values + (size_t)strip * DGFEM_STRIP * (size_t)p->width;
+}
+
+/* Row `row` of D, or behind D's strips of B, from column `column` on: the second operand of a product. */
+static const dgfem_real *DGFEM_PATH(dgfemi_panel_row)(const dgfemi_panel *p, int row, int column) {
+    return DGFEM_PATH(dgfemi_strip)(p, row / DGFEM_STRIP) + (size_t)column * DGFEM_STRIP + row % DGFEM_STRIP;
+}
+
+/* Vectors that hold the rows of a matrix from `row` on which are in one strip. */
+static int DGFEM_PATH(dgfemi_strip_vectors)(int rows, int row) {
+    return rows - row >= DGFEM_STRIP ? DGFEM_VECTORS : (rows - row + DGFEM_V_LANES - 1) / DGFEM_V_LANES;
+}
+
+static int DGFEM_PATH(dgfemi_panel_vectors)(const dgfemi_panel *p, int strip) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width);
+    return strip < pivot_strips ? DGFEM_PATH(dgfemi_strip_vectors)(p->width, strip * DGFEM_STRIP)
+                                : DGFEM_PATH(dgfemi_strip_vectors)(p->height, (strip - pivot_strips) * DGFEM_STRIP);
+}
+
+/* The column that a strip's columns end before: those of D end at the diagonal. */
+static int DGFEM_PATH(dgfemi_strip_end)(const dgfemi_panel *p, int strip, int limit) {
+    int end = strip < DGFEM_PATH(dgfemi_strips)(p->width) ? (strip + 1) * DGFEM_STRIP : p->width;
+    if (end > p->width) end = p->width;
+    return end < limit ? end : limit;
+}
+
+static int DGFEM_PATH(dgfemi_tile_columns)(int column, int end) {
+    return end - column < DGFEM_TILE ? end - column : DGFEM_TILE;
+}
+
+/* Columns from <= k < to of one strip of L, those before `from` being done with. The rows of D that they meet are
+   finished. Returns the column whose pivot fails, or DGFEM_NONE. */
+static int DGFEM_PATH(dgfemi_factor_strip)(const dgfemi_panel *p, int strip, int from, int to,
+                                           const dgfem_real *diagonal) {
+    dgfem_real *values = DGFEM_PATH(dgfemi_strip)(p, strip);
+    const dgfem_real *a = values + (size_t)from * DGFEM_STRIP;
+    int end = DGFEM_PATH(dgfemi_strip_end)(p, strip, to), vectors = DGFEM_PATH(dgfemi_panel_vectors)(p, strip), j;
+    for (j = from; j < end; j += DGFEM_TILE) {
+        dgfem_real *x = values + (size_t)j * DGFEM_STRIP;
+        const dgfem_real *b = DGFEM_PATH(dgfemi_panel_row)(p, j, from);
+        int columns = DGFEM_PATH(dgfemi_tile_columns)(j, end), offset = j % DGFEM_STRIP, failed;
+        if (strip != j / DGFEM_STRIP) {
+            DGFEM_PATH(dgfemi_solve_tile)(a, b, j - from, x, b + (size_t)(j - from) * DGFEM_STRIP, vectors, columns);
+            continue;
+        }
+        DGFEM_PATH(dgfemi_subtract_tile)(a, b, j - from, x, offset / DGFEM_V_LANES, vectors, columns);
+        failed = DGFEM_PATH(dgfemi_factor_tile)(x, columns, offset, vectors, diagonal + j);
+        if (failed != DGFEM_NONE) return j + failed;
+    }
+    return DGFEM_NONE;
+}
+
+static int DGFEM_PATH(dgfemi_factor_strips)(const dgfemi_panel *p, int first, int last, int from, int to,
+                                            const dgfem_real *diagonal) {
+    int strip;
+    for (strip = first; strip < last; strip++) {
+        int failed = DGFEM_PATH(dgfemi_factor_strip)(p, strip, from, to, diagonal);
+        if (failed != DGFEM_NONE) return failed;
+    }
+    return DGFEM_NONE;
+}
+
+/* Subtracts from the columns from `to` on what the columns from <= k < to contribute. */
+static void DGFEM_PATH(dgfemi_update_strips)(const dgfemi_panel *p, int first, int last, int from, int to) {
+    int chunk, strip, j;
+    for (chunk = to; chunk < p->width; chunk += DGFEM_UPDATE_COLUMNS)
+        for (strip = first; strip < last; strip++) {
+            dgfem_real *values = DGFEM_PATH(dgfemi_strip)(p, strip);
+            int end = DGFEM_PATH(dgfemi_strip_end)(p, strip, chunk + DGFEM_UPDATE_COLUMNS);
+            int vectors = DGFEM_PATH(dgfemi_panel_vectors)(p, strip);
+            for (j = chunk; j < end; j += DGFEM_TILE)
+                DGFEM_PATH(dgfemi_subtract_tile)(values + (size_t)from * DGFEM_STRIP,
+                                                 DGFEM_PATH(dgfemi_panel_row)(p, j, from), to - from,
+                                                 values + (size_t)j * DGFEM_STRIP,
+                                                 strip == j / DGFEM_STRIP ? j % DGFEM_STRIP / DGFEM_V_LANES : 0, vectors,
+                                                 DGFEM_PATH(dgfemi_tile_columns)(j, end));
+        }
+}
+
+/* Where strip `strip` of an update begins: it has all columns up to its own last row, the strips before it likewise. */
+static size_t DGFEM_PATH(dgfemi_update_strip)(int strip) {
+    return (size_t)strip * ((size_t)strip + 1) / 2 * DGFEM_STRIP * DGFEM_STRIP;
+}
+
+/* U = -B B^T, lower half, the strips first <= i < last of it. What is above the diagonal stays undefined. */
+static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u, int first, int last) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), from, chunk, strip, j;
+    for (from = 0; from < p->width; from += DGFEM_PANEL_COLUMNS) {
+        int count = p->width - from < DGFEM_PANEL_COLUMNS ? p->width - from : DGFEM_PANEL_COLUMNS;
+        for (chunk = 0; chunk < last * DGFEM_STRIP; chunk += DGFEM_UPDATE_COLUMNS)
+            for (strip = first; strip < last; strip++) {
+                const dgfem_real *a =
+                    DGFEM_PATH(dgfemi_strip)(p, pivot_strips + strip) + (size_t)from * DGFEM_STRIP;
+                int row = strip * DGFEM_STRIP, vectors = DGFEM_PATH(dgfemi_strip_vectors)(p->height, row);
+                int end = row + DGFEM_STRIP < p->height ? row + DGFEM_STRIP : p->height;
+                if (end > chunk + DGFEM_UPDATE_COLUMNS) end = chunk + DGFEM_UPDATE_COLUMNS;
+                for (j = chunk; j < end; j += DGFEM_TILE)
+                    DGFEM_PATH(dgfemi_store_tile)(
+                        a, DGFEM_PATH(dgfemi_panel_row)(p, pivot_strips * DGFEM_STRIP + j, from), count,
+                        u + DGFEM_PATH(dgfemi_update_strip)(strip) + (size_t)j * DGFEM_STRIP, from > 0,
+                        j > row ? (j - row) / DGFEM_V_LANES : 0, vectors, end - j);
+            }
+    }
+}
+
+/* ---- assembly ---- */
+
+/* Zeros strips of a panel, but for what no one reads above D's diagonal. */
+static void DGFEM_PATH(dgfemi_clear_panel)(const dgfemi_panel *p, int first, int last) {
+    int strip;
+    for (strip = first; strip < last; strip++)
+        memset(DGFEM_PATH(dgfemi_strip)(p, strip), 0,
+               (size_t)DGFEM_PATH(dgfemi_strip_end)(p, strip, p->width) * DGFEM_STRIP * sizeof(dgfem_real));
+}
+
+/* to += from: `columns` columns of `rows` rows of two strips. */
+static void DGFEM_PATH(dgfemi_add_rows)(dgfem_real *to, const dgfem_real *from, int columns, int rows) {
+    int vectors = rows / DGFEM_V_LANES, k, v, i;
+    if (rows == DGFEM_STRIP) vectors *= columns, columns = vectors > 0;
+    for (k = 0; k < columns; k++, to += DGFEM_STRIP, from += DGFEM_STRIP) {
+        dgfem_real sum[4];
+        for (v = 0; v < vectors; v++) {
+            dgfem_real *at = to + v * DGFEM_V_LANES;
+            DGFEM_V_STORE(at, DGFEM_V_ADD(DGFEM_V_LOAD(at), DGFEM_V_LOAD(from + v * DGFEM_V_LANES)));
+        }
+        if (rows == DGFEM_STRIP) continue;
+        for (v *= DGFEM_V_LANES; v + 4 <= rows; v += 4) {
+            for (i = 0; i < 4; i++) sum[i] = to[v + i] + from[v + i];
+            for (i = 0; i < 4; i++) to[v + i] = sum[i];
+        }
+        for (; v < rows; v++) to[v] += from[v];
+    }
+}
+
+/* Adds the rows of a child's update that the segments first <= i < last name: their columns that belong to the front's
+   panel, or those that belong to its own update. */
+static void DGFEM_PATH(dgfemi_add_update)(const dgfemi_extension *e, int first, int last) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(e->panel.width), width = e->panel.width, s, k, i;
+    for (s = first; s < last; s++) {
+        const dgfemi_run *rows = e->segments + s;
+        const dgfem_real *from = e->child + DGFEM_PATH(dgfemi_update_strip)(rows->row / DGFEM_STRIP);
+        int row = rows->front_row, shift = e->update ? width : 0;
+        dgfem_real *to;
+        if (e->update) to = e->update + DGFEM_PATH(dgfemi_update_strip)((row - width) / DGFEM_STRIP);
+        else if (row < width) to = DGFEM_PATH(dgfemi_strip)(&e->panel, row / DGFEM_STRIP);
+        else to = DGFEM_PATH(dgfemi_strip)(&e->panel, pivot_strips + (row - width) / DGFEM_STRIP);
+        to += (row < width ? row : row - width) % DGFEM_STRIP;
+        from += rows->row % DGFEM_STRIP;
+        for (k = 0; k < e->run_count && e->runs[k].row < rows->row + rows->length; k++) {
+            const dgfemi_run *columns = e->runs + k;
+            const dgfem_real *source = from + (size_t)columns->row * DGFEM_STRIP;
+            dgfem_real *target = to + (size_t)(columns->front_row - shift) * DGFEM_STRIP;
+            int whole = rows->row - columns->row, skip = 0; /* columns left of the diagonal; rows above it */
+            if (whole > columns->length) whole = columns->length;
+            if (whole > 0) DGFEM_PATH(dgfemi_add_rows)(target, source, whole, rows->length);
+            else skip = -whole, whole = 0;
+            for (; whole < columns->length && skip < rows->length; whole++, skip++)
+                for (i = skip; i < rows->length; i++)
+                    target[whole * DGFEM_STRIP + i] += source[whole * DGFEM_STRIP + i];
+        }
+    }
+}
+
+/* Adds one block of A to a panel; of diagonal blocks the lower half. */
+static void DGFEM_PATH(dgfemi_add_block)(const dgfemi_panel *p, const dgfemi_entry *entry, const dgfem_real *block) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), i, j, end;
+    int rows = entry->transposed ? entry->columns : entry->rows, columns = entry->transposed ? entry->rows : entry->columns;
+    int down = entry->transposed ? 1 : entry->columns, across = entry->transposed ? entry->columns : 1;
+    for (i = 0; i < rows; i = end) { /* the rows that are in one strip */
+        int row = entry->front_row + i, below = row >= p->width;
+        int strip = below ? pivot_strips + (row - p->width) / DGFEM_STRIP : row / DGFEM_STRIP;
+        int place = (below ? row - p->width : row) % DGFEM_STRIP, k;
+        dgfem_real *to = DGFEM_PATH(dgfemi_strip)(p, strip) + (size_t)entry->front_column * DGFEM_STRIP + place - i;
+        end = rows - i < DGFEM_STRIP - place ? rows : i + DGFEM_STRIP - place;
+        for (j = 0; j < columns; j++, to += DGFEM_STRIP) {
+            const dgfem_real *from = block + (ptrdiff_t)j * across;
+            k = entry->front_row == entry->front_column && j > i ? j : i;
+            if (down == 1)
+                for (; k < end; k++) to[k] += from[k];
+            else
+                for (; k < end; k++) to[k] += from[(ptrdiff_t)k * down];
+        }
+    }
+}
+
+/* ---- solves ---- */
+
+/* y[v] -= sum over k of strip(v, k) x[k] */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_strip_subtract)(const dgfem_real *strip, int columns, const dgfem_real *x,
+                                                    dgfem_real *y) {
+    DGFEM_VECTOR sum[DGFEM_VECTORS];
+    int k, v;
+    DGFEM_UNROLL
+    for (v = 0; v < DGFEM_VECTORS; v++) sum[v] = DGFEM_V_LOAD(y + v * DGFEM_V_LANES);
+    for (k = 0; k < columns; k++, strip += DGFEM_STRIP) {
+        DGFEM_VECTOR factor = DGFEM_V_ALL(x[k]);
+        DGFEM_UNROLL
+        for (v = 0; v < DGFEM_VECTORS; v++) sum[v] = DGFEM_V_FNMA(DGFEM_V_LOAD(strip + v * DGFEM_V_LANES), factor, sum[v]);
+    }
+    DGFEM_UNROLL
+    for (v = 0; v < DGFEM_VECTORS; v++) DGFEM_V_STORE(y + v * DGFEM_V_LANES, sum[v]);
+}
+
+/* x = L^-1 x for a supernode's own unknowns; below = -B x. Both have room for whole strips. */
+static void DGFEM_PATH(dgfemi_solve_panel)(const dgfemi_panel *p, dgfem_real *x, dgfem_real *below) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), strips = DGFEM_PATH(dgfemi_strips)(p->height), strip, c, v;
+    for (strip = 0; strip < pivot_strips; strip++) {
+        int first = strip * DGFEM_STRIP, columns = DGFEM_PATH(dgfemi_strip_end)(p, strip, p->width) - first;
+        const dgfem_real *triangle = DGFEM_PATH(dgfemi_strip)(p, strip) + (size_t)first * DGFEM_STRIP;
+        dgfem_real *y = x + first;
+        DGFEM_PATH(dgfemi_strip_subtract)(DGFEM_PATH(dgfemi_strip)(p, strip), first, x, y);
+        for (c = 0; c < columns; c++, triangle += DGFEM_STRIP) {
+            dgfem_real value = y[c] * triangle[c];
+            for (v = c / DGFEM_V_LANES; v < DGFEM_VECTORS; v++) {
+                DGFEM_VECTOR column = DGFEM_V_LOAD(triangle + v * DGFEM_V_LANES);
+                dgfem_real *at = y + v * DGFEM_V_LANES;
+                DGFEM_V_STORE(at, DGFEM_V_FNMA(column, DGFEM_V_ALL(value), DGFEM_V_LOAD(at)));
+            }
+            y[c] = value;
+        }
+    }
+    memset(below, 0, (size_t)strips * DGFEM_STRIP * sizeof *below);
+    for (strip = 0; strip < strips; strip++, below += DGFEM_STRIP)
+        DGFEM_PATH(dgfemi_strip_subtract)(DGFEM_PATH(dgfemi_strip)(p, pivot_strips + strip), p->width, x, below);
+}
+
+/* sums[k] += the vectors of column k of a strip times those of y, whose own sums are left to the end: so L is read in
+   the order in which it lies in memory. */
+static void DGFEM_PATH(dgfemi_strip_dot)(const dgfem_real *strip, int columns, const dgfem_real *y, dgfem_real *sums) {
+    DGFEM_VECTOR factor[DGFEM_VECTORS];
+    int k, v;
+    DGFEM_UNROLL
+    for (v = 0; v < DGFEM_VECTORS; v++) factor[v] = DGFEM_V_LOAD(y + v * DGFEM_V_LANES);
+    for (k = 0; k < columns; k++, strip += DGFEM_STRIP, sums += DGFEM_V_LANES) {
+        DGFEM_VECTOR sum = DGFEM_V_LOAD(sums);
+        DGFEM_UNROLL
+        for (v = 0; v < DGFEM_VECTORS; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(strip + v * DGFEM_V_LANES), factor[v], sum);
+        DGFEM_V_STORE(sums, sum);
+    }
+}
+
+/* x = L^-T (x - B^T below); both end in zeros up to whole strips. sums has a vector for each column. */
+static void DGFEM_PATH(dgfemi_solve_panel_transposed)(const dgfemi_panel *p, dgfem_real *x, const dgfem_real *below,
+                                                      dgfem_real *sums) {
+    int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), strips = DGFEM_PATH(dgfemi_strips)(p->height);
+    int strip, c, r, i;
+    memset(sums, 0, (size_t)p->width * DGFEM_V_LANES * sizeof *sums);
+    for (strip = 0; strip < strips; strip++)
+        DGFEM_PATH(dgfemi_strip_dot)(DGFEM_PATH(dgfemi_strip)(p, pivot_strips + strip), p->width,
+                                     below + strip * DGFEM_STRIP, sums);
+    for (strip = pivot_strips - 1; strip >= 0; strip--) {
+        int first = strip * DGFEM_STRIP, columns = DGFEM_PATH(dgfemi_strip_end)(p, strip, p->width) - first;
+        const dgfem_real *triangle = DGFEM_PATH(dgfemi_strip)(p, strip) + (size_t)first * DGFEM_STRIP;
+        dgfem_real *y = x + first;
+        for (c = columns - 1; c >= 0; c--) {
+            const dgfem_real *column = triangle + c * DGFEM_STRIP, *parts = sums + (first + c) * DGFEM_V_LANES;
+            dgfem_real sum[4] = {0, 0, 0, 0};
+            for (i = 0; i < DGFEM_V_LANES; i++) sum[i % 4] += parts[i];
+            for (r = c + 1; r < columns; r++) sum[r % 4] += column[r] * y[r];
+            y[c] = (y[c] - ((sum[0] + sum[1]) + (sum[2] + sum[3]))) * column[c];
+        }
+        DGFEM_PATH(dgfemi_strip_dot)(DGFEM_PATH(dgfemi_strip)(p, strip), first, y, sums);
+    }
+}
+
+/* ---- products with row-major blocks ---- */
+
+/* y += A x, and with `both` w += A^T z, for `vectors` vectors of columns: the block is read once. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors, int both,
+                                                      const dgfem_real *x, dgfem_real *y, const dgfem_real *z,
+                                                      dgfem_real *w) {
+    DGFEM_VECTOR in[DGFEM_VECTORS], out[DGFEM_VECTORS];
+    int i, v, n, k;
+    DGFEM_UNROLL
+    for (v = 0; v < vectors; v++) {
+        in[v] = DGFEM_V_LOAD(x + v * DGFEM_V_LANES);
+        out[v] = both ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
+    }
+    for (i = 0; i < rows; i++, a += stride) {
+        dgfem_real parts[DGFEM_V_LANES];
+        DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(a), in[0]), factor = DGFEM_V_ALL(both ? z[i] : 0);
+        DGFEM_UNROLL
+        for (v = 1; v < vectors; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), in[v], sum);
+        DGFEM_UNROLL
+        for (v = 0; v < vectors; v++)
+            if (both) out[v] = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), factor, out[v]);
+        DGFEM_V_STORE(parts, sum);
+        DGFEM_UNROLL
+        for (n = DGFEM_V_LANES / 2; n > 0; n /= 2)
+            for (k = 0; k < n; k++) parts[k] += parts[k + n];
+        y[i] += parts[0];
+    }
+    DGFEM_UNROLL
+    for (v = 0; v < vectors; v++)
+        if (both) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
+}
+
+/* y += A x and, unless z is NULL, w += A^T z. */
+static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int columns, const dgfem_real *x,
+                                              dgfem_real *y, const dgfem_real *z, dgfem_real *w) {
+    const int wide = DGFEM_STRIP;
+    int j = 0, i;
+    for (; z && j + wide <= columns; j += wide)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 1, x + j, y, z, w + j);
+    for (; z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 1, x + j, y, z, w + j);
+    for (; !z && j + wide <= columns; j += wide)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 0, x + j, y, NULL, NULL);
+    for (; !z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 0, x + j, y, NULL, NULL);
+    for (; j < columns; j++)
+        for (i = 0; i < rows; i++) {
+            dgfem_real value = a[(size_t)i * (size_t)columns + (size_t)j];
+            y[i] += value * x[j];
+            if (z) w[j] += value * z[i];
+        }
+}
+
+static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
+    static const dgfemi_kernels kernels = {
+        DGFEM_PATH_ID,
+        DGFEM_STRIP,
+        DGFEM_TILE,
+        DGFEM_V_LANES,
+        DGFEM_PATH(dgfemi_factor_strips),
+        DGFEM_PATH(dgfemi_update_strips),
+        DGFEM_PATH(dgfemi_make_update),
+        DGFEM_PATH(dgfemi_clear_panel),
+        DGFEM_PATH(dgfemi_add_update),
+        DGFEM_PATH(dgfemi_add_block),
+        DGFEM_PATH(dgfemi_solve_panel),
+        DGFEM_PATH(dgfemi_solve_panel_transposed),
+        DGFEM_PATH(dgfemi_multiply_block),
+    };
+    return &kernels;
+}
+
+#undef DGFEM_STRIP
+#undef DGFEM_CASE_3
+#undef DGFEM_CASE_4
+#undef DGFEM_SWITCH
+#undef DGFEM_PATH
+#undef DGFEM_PATH_ID
+#undef DGFEM_VECTOR
+#undef DGFEM_V_LANES
+#undef DGFEM_VECTORS
+#undef DGFEM_TILE
+#undef DGFEM_V_LOAD
+#undef DGFEM_V_STORE
+#undef DGFEM_V_ALL
+#undef DGFEM_V_ADD
+#undef DGFEM_V_SUB
+#undef DGFEM_V_MUL
+#undef DGFEM_V_FMA
+#undef DGFEM_V_FNMA
+
+#endif
+
+/* ---- choice ---- */
+
+/* The kernels for one instruction set; NULL where they were not compiled or the machine lacks it. */
+static const dgfemi_kernels *dgfemi_kernels_for(dgfem_simd simd) {
+    switch (simd) {
+    case DGFEM_SIMD_NONE: return dgfemi_kernels_plain();
+#ifdef DGFEM_HAS_X86
+    case DGFEM_SIMD_SSE2: return dgfemi_kernels_sse2();
+    case DGFEM_SIMD_AVX2:
+        return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") ? dgfemi_kernels_avx2() : NULL;
+    case DGFEM_SIMD_AVX512: return __builtin_cpu_supports("avx512f") ? dgfemi_kernels_avx512() : NULL;
+#endif
+#ifdef DGFEM_HAS_NEON
+    case DGFEM_SIMD_NEON: return dgfemi_kernels_neon();
+#endif
+#ifdef DGFEM_HAS_WASM
+    case DGFEM_SIMD_WASM: return dgfemi_kernels_wasm();
+#endif
+    default: return NULL;
+    }
+}
+
+/* The same; of DGFEM_SIMD_AUTO the best there is. */
+static const dgfemi_kernels *dgfemi_kernels_choose(dgfem_simd simd) {
+    static const dgfem_simd best_first[6] = {DGFEM_SIMD_AVX512, DGFEM_SIMD_AVX2, DGFEM_SIMD_SSE2,
+                                             DGFEM_SIMD_NEON,   DGFEM_SIMD_WASM, DGFEM_SIMD_NONE};
+    const dgfemi_kernels *found = NULL;
+    int i;
+    if (simd != DGFEM_SIMD_AUTO) return dgfemi_kernels_for(simd);
+    for (i = 0; i < 6 && !found; i++) found = dgfemi_kernels_for(best_first[i]);
+    return found;
+}
+
 /* ==== sparse.c ==================================================================================================== */
 
 /* Symmetric matrix in dense blocks of any sizes. Stored is the lower half, by rows of blocks. */
@@ -9991,7 +13606,7 @@ static int dgfemi_vector_not_finite(int count, const dgfem_real *x) {
 
 /* ---- product ---- */
 
-/* Both kernels treat a block in strips of 12, 3 and 1 columns: all loops over a strip have a constant length and its
+/* Both functions treat a block in strips of 12, 3 and 1 columns: all loops over a strip have a constant length and its
    vector lives in registers. */
 
 /* y += A x for one strip; `stride` is the length of a row of the block. */
@@ -10036,10 +13651,17 @@ static void dgfemi_block_multiply_transposed(const dgfem_real *a, int rows, int 
     for (; j < columns; j++) dgfemi_strip_multiply_transposed(a + j, columns, rows, 1, x, y + j);
 }
 
+/* The kernels that multiply large blocks faster than what the compiler makes of the functions above: where four reals
+   make a vector, three of them a row of 12. NULL where there are none. */
+static const dgfemi_kernels *dgfemi_product_kernels(void) {
+    return DGFEM_REAL_IS_FLOAT ? NULL : dgfemi_kernels_for(DGFEM_SIMD_AVX2);
+}
+
 /* Every part of y receives its products in ascending order of the block that they come from: first its own row, then,
    transposed, the rows below. A loop over the parts of y in place of the rows of A, which several threads can share,
    gives therefore the same bits; it reads each block twice. */
 DGFEM_API void dgfem_matrix_multiply(const dgfem_matrix *matrix, const dgfem_real *x, dgfem_real *y) {
+    const dgfemi_kernels *kernels = dgfemi_product_kernels();
     int r, k;
     if (!matrix || !x || !y) return;
     memset(y, 0, (size_t)matrix->size * sizeof *y);
@@ -10048,6 +13670,12 @@ DGFEM_API void dgfem_matrix_multiply(const dgfem_matrix *matrix, const dgfem_rea
         for (k = matrix->row_start[r]; k < matrix->row_start[r + 1]; k++) {
             const dgfem_real *block = matrix->values + matrix->value_start[k];
             int column = matrix->offset[matrix->column[k]], columns = dgfemi_block_size(matrix, matrix->column[k]);
+            if (kernels && columns >= 12) {
+                int both = column != row;
+                kernels->multiply_block(block, rows, columns, x + column, y + row, both ? x + row : NULL,
+                                        both ? y + column : NULL);
+                continue;
+            }
             dgfemi_block_multiply(block, rows, columns, x + column, y + row);
             if (column != row) dgfemi_block_multiply_transposed(block, rows, columns, x + row, y + column);
         }
@@ -10423,6 +14051,7 @@ static dgfem_vec3 dgfemi_direction(int i) {
 }
 
 enum {
+    DGFEM_TRIALS = 4,         /* cuts along different directions that are narrowed, to take the best */
     DGFEM_SMALLEST_PART = 48, /* vertices; smaller parts are left to minimum degree */
     DGFEM_KEY_BITS = 10       /* places along a direction are rounded to twice as many bits: ties survive round-off */
 };
@@ -10434,19 +14063,23 @@ typedef struct dgfemi_dissection {
     int *sorted[DGFEM_DIRECTIONS]; /* vertices by place along each direction; a part is the same range of each list */
     int *part;                     /* [count] of each vertex; DGFEM_NONE in a separator */
     int parts;                     /* made so far */
-    int *degree;                   /* [count] neighbours within the part */
-    int *ahead;                    /* [count] those of them that a sweep has not passed */
-    unsigned char *side;           /* [count] a dgfemi_side */
     int *scratch;                  /* [count] */
+    /* the part that is being dissected: its vertices are numbered by their places in sorted[0] */
+    int *number;         /* [count] of each vertex of the graph */
+    dgfemi_graph local;  /* without block */
+    int *rank;           /* place along a direction */
+    int *change[3];      /* [count + 2] of the weights passed, in the last layer, in the next layer */
+    unsigned char *side; /* a dgfemi_side */
+    unsigned char *best_side;
     /* the network of dgfemi_narrow_separator */
     int *band, band_count;   /* its vertices */
-    int *level;              /* [count] distance from the separator; DGFEM_NONE outside the band */
-    unsigned char *touches;  /* [count] bit 0: the part passed, bit 1: the part ahead, both without the band */
-    int *before, *after;     /* [count] neighbours on the path through a vertex, or one of the following */
+    int *level;              /* distance from the separator; DGFEM_NONE outside the band */
+    unsigned char *touches;  /* bit 0: the part passed, bit 1: the part ahead, both without the band */
+    int *before, *after;     /* neighbours on the path through a vertex, or one of the following */
     int *stack, *list;       /* [2 * count] states to go on from, all states that a search has reached */
     int *from;               /* [2 * count] the state that each was reached from */
     unsigned char *reached;  /* [2 * count] */
-    unsigned char *old_side; /* [count] */
+    unsigned char *old_side;
 } dgfemi_dissection;
 
 /* A sweep along a direction that stops after `passed` vertices. The separator is the layer of vertices with a neighbour
@@ -10458,6 +14091,7 @@ typedef struct dgfemi_cut {
 } dgfemi_cut;
 
 #define DGFEM_NO_CUT 1e300
+#define DGFEM_WORTH_IT 0.97 /* a later trial must be so much cheaper: the first cut suits the grid, if there is one */
 
 /* Weights of the separator and of what lies to its sides. The ratio cut weighs a small separator against even halves;
    the 1 lets even halves win where nothing need be cut. */
@@ -10478,7 +14112,7 @@ static void dgfemi_sort_by_digit(const int *key, int shift, const int *from, int
 
 /* Lists the vertices by their place along a direction, ties by index. */
 static void dgfemi_sort_along(dgfemi_dissection *d, const dgfem_vec3 *points, dgfem_vec3 direction, int *sorted) {
-    int n = d->graph->count, *key = d->ahead, i;
+    int n = d->graph->count, *key = d->rank, i;
     dgfem_real low = dgfemi_dot(direction, points[0]), high = low, scale;
     for (i = 1; i < n; i++) {
         dgfem_real place = dgfemi_dot(direction, points[i]);
@@ -10518,63 +14152,87 @@ static void dgfemi_normalise_axis(const dgfemi_graph *graph, dgfem_real *x) {
 
 /* ---- cutting by a sweep ---- */
 
-/* The sweep passes vertex v = sorted[at]. *last_layer and *next_layer are the weights of the two possible separators:
-   passed vertices with a neighbour ahead, vertices ahead with a passed neighbour. */
-static void dgfemi_sweep_past(dgfemi_dissection *d, int v, double *last_layer, double *next_layer) {
+/* Numbers the vertices of a part and gathers its edges. Returns its weight, 0 when it has no edges. */
+static double dgfemi_make_local(dgfemi_dissection *d, int first, int last) {
     const dgfemi_graph *graph = d->graph;
-    int k;
-    if (d->ahead[v] < d->degree[v]) *next_layer -= graph->weight[v];
-    if (d->ahead[v] > 0) *last_layer += graph->weight[v];
-    d->side[v] = DGFEM_SIDE_PASSED;
-    for (k = graph->start[v]; k < graph->start[v + 1]; k++) {
-        int u = graph->neighbour[k];
-        if (d->part[u] != d->part[v]) continue;
-        d->ahead[u]--;
-        if (d->side[u] == DGFEM_SIDE_PASSED && d->ahead[u] == 0) *last_layer -= graph->weight[u];
-        if (d->side[u] == DGFEM_SIDE_AHEAD && d->ahead[u] == d->degree[u] - 1) *next_layer += graph->weight[u];
+    const int *vertices = d->sorted[0] + first;
+    dgfemi_graph *local = &d->local;
+    int edges = 0, i, k;
+    double total = 0;
+    local->count = last - first;
+    for (i = 0; i < local->count; i++) d->number[vertices[i]] = i;
+    for (i = 0; i < local->count; i++) {
+        int v = vertices[i];
+        local->start[i] = edges;
+        local->weight[i] = graph->weight[v];
+        total += graph->weight[v];
+        for (k = graph->start[v]; k < graph->start[v + 1]; k++) {
+            int u = graph->neighbour[k];
+            if (d->part[u] == d->part[v]) local->neighbour[edges++] = d->number[u];
+        }
+    }
+    local->start[local->count] = edges;
+    return edges ? total : 0;
+}
+
+/* A sweep stops after some vertices; those with lower ranks are passed then. v is in the last layer (passed, with a
+   neighbour ahead) from when it is passed until its last neighbour is, and in the next layer (ahead, with a passed
+   neighbour) from when its first neighbour is passed until itself is. */
+static void dgfemi_sweep_changes(dgfemi_dissection *d) {
+    const dgfemi_graph *local = &d->local;
+    int *passed = d->change[0], *last_layer = d->change[1], *next_layer = d->change[2], v, k;
+    for (k = 0; k < 3; k++) memset(d->change[k], 0, ((size_t)local->count + 2) * sizeof(int));
+    for (v = 0; v < local->count; v++) {
+        int rank = d->rank[v], low = rank, high = rank, weight = local->weight[v];
+        for (k = local->start[v]; k < local->start[v + 1]; k++) {
+            int other = d->rank[local->neighbour[k]];
+            low = other < low ? other : low;
+            high = other > high ? other : high;
+        }
+        passed[rank + 1] += weight;
+        last_layer[rank + 1] += weight;
+        last_layer[high + 1] -= weight;
+        next_layer[low + 1] += weight;
+        next_layer[rank + 1] -= weight;
     }
 }
 
-/* Improves *best by the places where a sweep along one direction may stop. */
-static void dgfemi_sweep(dgfemi_dissection *d, int direction, int first, int last, double total, dgfemi_cut *best) {
-    const int *sorted = d->sorted[direction];
-    double passed = 0, layer[2] = {0, 0};
+/* Improves *best by the places where a sweep along one direction may stop. The separator is one of the two layers. */
+static void dgfemi_sweep(dgfemi_dissection *d, int direction, int first, double total, dgfemi_cut *best) {
+    const int *sorted = d->sorted[direction] + first;
+    double weight[3] = {0, 0, 0};
     int at, i;
-    for (at = first; at < last; at++) {
-        d->ahead[sorted[at]] = d->degree[sorted[at]];
-        d->side[sorted[at]] = DGFEM_SIDE_AHEAD;
-    }
-    for (at = first; at < last; at++) {
-        passed += d->graph->weight[sorted[at]];
-        dgfemi_sweep_past(d, sorted[at], &layer[0], &layer[1]);
+    for (at = 0; at < d->local.count; at++) d->rank[d->number[sorted[at]]] = at;
+    dgfemi_sweep_changes(d);
+    for (at = 1; at <= d->local.count; at++) {
+        for (i = 0; i < 3; i++) weight[i] += d->change[i][at];
         for (i = 0; i < 2; i++) {
-            double separator = layer[i], before = i == 0 ? passed - separator : passed;
-            double cost = dgfemi_cut_cost(separator, before, total - separator - before);
+            double separator = weight[1 + i], before = i == 0 ? weight[0] - separator : weight[0];
+            double after = total - separator - before, cost;
+            /* what is no better needs no exact cost; equal ones must not win by round-off */
+            if (separator + 1 >= best->cost * (1 - 1e-12) * before * after) continue;
+            cost = dgfemi_cut_cost(separator, before, after);
             if (!(cost < best->cost)) continue;
             best->cost = cost;
             best->direction = direction;
-            best->passed = at + 1 - first;
+            best->passed = at;
             best->ahead = i;
         }
     }
 }
 
 /* Sets the side of every vertex of the part. */
-static void dgfemi_apply_cut(dgfemi_dissection *d, int first, int last, const dgfemi_cut *cut) {
-    const dgfemi_graph *graph = d->graph;
-    const int *sorted = d->sorted[cut->direction];
+static void dgfemi_apply_cut(dgfemi_dissection *d, int first, const dgfemi_cut *cut) {
+    const dgfemi_graph *local = &d->local;
+    const int *sorted = d->sorted[cut->direction] + first;
     int own = cut->ahead ? DGFEM_SIDE_AHEAD : DGFEM_SIDE_PASSED;
     int other = cut->ahead ? DGFEM_SIDE_PASSED : DGFEM_SIDE_AHEAD;
-    int at, k;
-    for (at = first; at < last; at++)
-        d->side[sorted[at]] = at < first + cut->passed ? DGFEM_SIDE_PASSED : DGFEM_SIDE_AHEAD;
-    for (at = first; at < last; at++) {
-        int v = sorted[at];
-        for (k = graph->start[v]; k < graph->start[v + 1] && d->side[v] == own; k++) {
-            int u = graph->neighbour[k];
-            if (d->part[u] == d->part[v] && d->side[u] == other) d->side[v] = DGFEM_SIDE_SEPARATOR;
-        }
-    }
+    int at, v, k;
+    for (at = 0; at < local->count; at++)
+        d->side[d->number[sorted[at]]] = at < cut->passed ? DGFEM_SIDE_PASSED : DGFEM_SIDE_AHEAD;
+    for (v = 0; v < local->count; v++)
+        for (k = local->start[v]; k < local->start[v + 1] && d->side[v] == own; k++)
+            if (d->side[local->neighbour[k]] == other) d->side[v] = DGFEM_SIDE_SEPARATOR;
 }
 
 /* ---- narrowing a separator ----
@@ -10591,25 +14249,24 @@ static void dgfemi_apply_cut(dgfemi_dissection *d, int first, int last, const dg
 enum { DGFEM_PATH_ENDS = -2 }; /* in before[] and after[]: the path comes from, or goes to, the side */
 
 /* All vertices of the part within `depth` edges of the separator. */
-static void dgfemi_collect_band(dgfemi_dissection *d, int first, int last, int depth) {
-    const dgfemi_graph *graph = d->graph;
-    int at, k;
+static void dgfemi_collect_band(dgfemi_dissection *d, int depth) {
+    const dgfemi_graph *local = &d->local;
+    int at, v, k;
     d->band_count = 0;
-    for (at = first; at < last; at++) {
-        int v = d->sorted[0][at];
+    for (v = 0; v < local->count; v++) {
         d->level[v] = DGFEM_NONE;
         if (d->side[v] != DGFEM_SIDE_SEPARATOR) continue;
         d->level[v] = 0;
         d->band[d->band_count++] = v;
     }
     for (at = 0; at < d->band_count; at++) {
-        int v = d->band[at];
+        v = d->band[at];
         d->touches[v] = d->reached[2 * v] = d->reached[2 * v + 1] = 0;
         d->before[v] = d->after[v] = DGFEM_NONE;
         d->old_side[v] = d->side[v];
-        for (k = graph->start[v]; k < graph->start[v + 1]; k++) {
-            int u = graph->neighbour[k];
-            if (d->part[u] != d->part[v] || d->level[u] != DGFEM_NONE) continue;
+        for (k = local->start[v]; k < local->start[v + 1]; k++) {
+            int u = local->neighbour[k];
+            if (d->level[u] != DGFEM_NONE) continue;
             if (d->level[v] == depth) {
                 d->touches[v] |= d->side[u] == DGFEM_SIDE_PASSED ? 1 : 2;
                 continue;
@@ -10631,7 +14288,7 @@ static void dgfemi_reach(dgfemi_dissection *d, int state, int from, int *stacked
    the exit that it leaves the band by, or DGFEM_NONE. What a vain search has reached stays marked: no later search can
    find a way out from there either. */
 static int dgfemi_find_path(dgfemi_dissection *d, int source) {
-    const dgfemi_graph *graph = d->graph;
+    const dgfemi_graph *local = &d->local;
     int stacked = 0, listed = 0, end = DGFEM_NONE, k;
     dgfemi_reach(d, 2 * source, DGFEM_NONE, &stacked, &listed);
     while (stacked > 0 && end == DGFEM_NONE) {
@@ -10643,9 +14300,9 @@ static int dgfemi_find_path(dgfemi_dissection *d, int source) {
         }
         if (d->touches[v] & 2) end = state;
         if (taken) dgfemi_reach(d, state - 1, state, &stacked, &listed);
-        for (k = graph->start[v]; k < graph->start[v + 1]; k++) {
-            int u = graph->neighbour[k];
-            if (d->part[u] == d->part[v] && d->level[u] != DGFEM_NONE) dgfemi_reach(d, 2 * u, state, &stacked, &listed);
+        for (k = local->start[v]; k < local->start[v + 1]; k++) {
+            int u = local->neighbour[k];
+            if (d->level[u] != DGFEM_NONE) dgfemi_reach(d, 2 * u, state, &stacked, &listed);
         }
     }
     if (end != DGFEM_NONE)
@@ -10669,10 +14326,10 @@ static void dgfemi_take_path(dgfemi_dissection *d, int last) {
 
 /* Replaces the separator by the smallest one within the band if that costs less; 1 if so. Vertices count as one each
    here, by their weights in the cost. */
-static int dgfemi_narrow_separator(dgfemi_dissection *d, int first, int last, int depth, double *cost) {
+static int dgfemi_narrow_separator(dgfemi_dissection *d, int depth, double *cost) {
     double weight[3] = {0, 0, 0}, new_cost;
-    int at, i;
-    dgfemi_collect_band(d, first, last, depth);
+    int i;
+    dgfemi_collect_band(d, depth);
     for (i = 0; i < d->band_count; i++) {
         int source = d->band[i], path = DGFEM_NONE;
         if (d->touches[source] & 1) path = dgfemi_find_path(d, source);
@@ -10684,7 +14341,7 @@ static int dgfemi_narrow_separator(dgfemi_dissection *d, int first, int last, in
         if (d->reached[2 * v] || (d->touches[v] & 1))
             d->side[v] = d->reached[2 * v + 1] ? DGFEM_SIDE_PASSED : DGFEM_SIDE_SEPARATOR;
     }
-    for (at = first; at < last; at++) weight[d->side[d->sorted[0][at]]] += d->graph->weight[d->sorted[0][at]];
+    for (i = 0; i < d->local.count; i++) weight[d->side[i]] += d->local.weight[i];
     new_cost = dgfemi_cut_cost(weight[DGFEM_SIDE_SEPARATOR], weight[DGFEM_SIDE_PASSED], weight[DGFEM_SIDE_AHEAD]);
     if (new_cost < *cost) {
         *cost = new_cost;
@@ -10697,23 +14354,28 @@ static int dgfemi_narrow_separator(dgfemi_dissection *d, int first, int last, in
 /* ---- the recursion ---- */
 
 static int dgfemi_dissection_allocate(dgfemi_dissection *d, dgfemi_arena *arena) {
-    int **arrays[DGFEM_DIRECTIONS + 11];
+    int **arrays[DGFEM_DIRECTIONS + 18];
     size_t n = (size_t)d->graph->count;
     int count = 0, i;
     for (i = 0; i < DGFEM_DIRECTIONS; i++) arrays[count++] = &d->sorted[i];
-    arrays[count++] = &d->part, arrays[count++] = &d->degree, arrays[count++] = &d->ahead;
+    for (i = 0; i < 3; i++) arrays[count++] = &d->change[i];
+    arrays[count++] = &d->part, arrays[count++] = &d->number, arrays[count++] = &d->rank;
+    arrays[count++] = &d->local.start, arrays[count++] = &d->local.weight;
     arrays[count++] = &d->scratch, arrays[count++] = &d->band, arrays[count++] = &d->level;
     arrays[count++] = &d->before, arrays[count++] = &d->after;
     arrays[count++] = &d->stack, arrays[count++] = &d->list, arrays[count++] = &d->from; /* twice as long */
     for (i = 0; i < count; i++) {
-        *arrays[i] = (int *)dgfemi_arena_allocate_zero(arena, i < count - 3 ? n : 2 * n, sizeof(int));
+        *arrays[i] = (int *)dgfemi_arena_allocate(arena, i < count - 3 ? n + 2 : 2 * n, sizeof(int));
         if (!*arrays[i]) return 0;
     }
+    memset(d->part, 0, n * sizeof(int));
+    d->local.neighbour = (int *)dgfemi_arena_allocate(arena, (size_t)d->graph->start[n], sizeof(int));
     d->side = (unsigned char *)dgfemi_arena_allocate(arena, n, 1);
+    d->best_side = (unsigned char *)dgfemi_arena_allocate(arena, n, 1);
     d->old_side = (unsigned char *)dgfemi_arena_allocate(arena, n, 1);
     d->touches = (unsigned char *)dgfemi_arena_allocate(arena, n, 1);
     d->reached = (unsigned char *)dgfemi_arena_allocate(arena, 2 * n, 1);
-    return d->side && d->old_side && d->touches && d->reached;
+    return d->local.neighbour && d->side && d->best_side && d->old_side && d->touches && d->reached;
 }
 
 /* Lists the vertices along all directions. 0 when out of memory. */
@@ -10730,49 +14392,53 @@ static int dgfemi_dissection_sort(dgfemi_dissection *d, dgfemi_arena *arena, con
     return 1;
 }
 
-/* Counts the neighbours within the part. Returns its weight, 0 when it has no edges. */
-static double dgfemi_part_degrees(dgfemi_dissection *d, int first, int last) {
-    const dgfemi_graph *graph = d->graph;
-    double total = 0;
-    int edges = 0, at, k;
-    for (at = first; at < last; at++) {
-        int v = d->sorted[0][at];
-        d->degree[v] = 0;
-        for (k = graph->start[v]; k < graph->start[v + 1]; k++)
-            d->degree[v] += d->part[graph->neighbour[k]] == d->part[v];
-        edges += d->degree[v];
-        total += graph->weight[v];
-    }
-    return edges ? total : 0;
-}
-
 /* Sorts the range of a list by side, otherwise in its order. */
 static void dgfemi_split_list(dgfemi_dissection *d, int *list, int count, const int sizes[3]) {
     int place[3], i;
     place[0] = 0, place[1] = sizes[0], place[2] = sizes[0] + sizes[1];
-    for (i = 0; i < count; i++) d->scratch[place[d->side[list[i]]]++] = list[i];
+    for (i = 0; i < count; i++) d->scratch[place[d->side[d->number[list[i]]]]++] = list[i];
     memcpy(list, d->scratch, (size_t)count * sizeof *list);
+}
+
+/* Sets the sides by the cheapest separator found: the best cuts of several directions, each narrowed. Returns its cost,
+   or DGFEM_NO_CUT. */
+static double dgfemi_find_separator(dgfemi_dissection *d, int first, double total) {
+    dgfemi_cut cuts[DGFEM_DIRECTIONS];
+    double best_cost = DGFEM_NO_CUT;
+    int trial, i;
+    for (i = 0; i < DGFEM_DIRECTIONS; i++) {
+        cuts[i].cost = DGFEM_NO_CUT;
+        dgfemi_sweep(d, i, first, total, &cuts[i]);
+    }
+    for (trial = 0; trial < DGFEM_TRIALS; trial++) {
+        dgfemi_cut *best = &cuts[0];
+        double cost;
+        for (i = 1; i < DGFEM_DIRECTIONS; i++)
+            if (cuts[i].cost < best->cost * (1 - 1e-12)) best = &cuts[i];
+        cost = best->cost;
+        if (!(cost < DGFEM_NO_CUT)) break;
+        dgfemi_apply_cut(d, first, best);
+        best->cost = DGFEM_NO_CUT;
+        for (i = 0; i < 4; i++) /* twice in a band that follows the cut closely, then twice in a wider one */
+            if (!dgfemi_narrow_separator(d, 1 + i / 2, &cost)) break;
+        if (!(cost < best_cost * DGFEM_WORTH_IT)) continue;
+        best_cost = cost;
+        memcpy(d->best_side, d->side, (size_t)d->local.count);
+    }
+    if (best_cost < DGFEM_NO_CUT) memcpy(d->side, d->best_side, (size_t)d->local.count);
+    return best_cost;
 }
 
 /* Splits a part into one ahead, one passed and a separator, in this order; `sizes` are theirs. 0 where no cut is worth
    while, as when all places are equal or everything is coupled to everything. */
 static int dgfemi_dissect(dgfemi_dissection *d, int first, int last, int sizes[3]) {
-    double total = dgfemi_part_degrees(d, first, last);
-    dgfemi_cut best;
-    int i, at;
-    if (!(total > 0)) return 0;
-    memset(&best, 0, sizeof best);
-    best.cost = DGFEM_NO_CUT;
-    for (i = 0; i < DGFEM_DIRECTIONS; i++) dgfemi_sweep(d, i, first, last, total, &best);
-    if (!(best.cost < DGFEM_NO_CUT)) return 0;
-    dgfemi_apply_cut(d, first, last, &best);
-    for (i = 0; i < 4; i++) /* twice in a band that follows the cut closely, then twice in a wider one */
-        if (!dgfemi_narrow_separator(d, first, last, 1 + i / 2, &best.cost)) break;
+    double total = dgfemi_make_local(d, first, last);
+    int i;
+    if (!(total > 0) || !(dgfemi_find_separator(d, first, total) < DGFEM_NO_CUT)) return 0;
     sizes[0] = sizes[1] = sizes[2] = 0;
-    for (at = first; at < last; at++) {
-        int v = d->sorted[0][at];
-        d->part[v] = d->side[v] == DGFEM_SIDE_SEPARATOR ? DGFEM_NONE : d->parts + d->side[v];
-        sizes[d->side[v]]++;
+    for (i = 0; i < last - first; i++) {
+        d->part[d->sorted[0][first + i]] = d->side[i] == DGFEM_SIDE_SEPARATOR ? DGFEM_NONE : d->parts + d->side[i];
+        sizes[d->side[i]]++;
     }
     for (i = 0; i < DGFEM_DIRECTIONS; i++) dgfemi_split_list(d, d->sorted[i] + first, last - first, sizes);
     d->parts += 2;
@@ -10915,322 +14581,9 @@ static int dgfemi_order_blocks(dgfemi_arena *arena, const dgfemi_graph *graph, c
     return dgfemi_order_best(arena, graph, centres, order);
 }
 
-/* ==== panel.c ===================================================================================================== */
+/* ==== symbolic.c ================================================================================================== */
 
-/* Dense kernels of the sparse Cholesky factorization. A panel is what one supernode has of L: a lower triangle D over a
-   rectangle B, of the same columns.
-
-   It is stored in strips of DGFEM_STRIP rows, first those of D, then those of B, each padded with rows of zeros to whole
-   strips. A strip holds one column after the other: element (r, k) is strip[k * DGFEM_STRIP + r]. So the operands of
-   every product come in the order in which the innermost kernel reads them. D's diagonal holds the reciprocals of
-   L's. */
-
-#ifndef DGFEM_STRIP
-#if DGFEM_REAL_IS_FLOAT || defined(__AVX__)
-#define DGFEM_STRIP 8
-#else
-#define DGFEM_STRIP 4
-#endif
-#endif
-
-enum {
-    DGFEM_TILE = 4,            /* columns of a tile, which has the rows of a strip; divides DGFEM_STRIP */
-    DGFEM_PANEL_COLUMNS = 256, /* columns that are factored before they update the rest; whole strips */
-    DGFEM_UPDATE_COLUMNS = 128 /* columns that are updated together: their strips stay in cache; whole strips */
-};
-
-/* ---- tiles ---- */
-
-static int dgfemi_strips(int rows) { return rows / DGFEM_STRIP + (rows % DGFEM_STRIP != 0); }
-
-/* sum[c][r] = sum over k of a(r, k) b(c, k): the kernel that does nearly all the work. a and b point into strips. */
-static void dgfemi_tile_product(const dgfem_real *a, const dgfem_real *b, int count,
-                                dgfem_real sum[DGFEM_TILE * DGFEM_STRIP]) {
-    dgfem_real s0[DGFEM_STRIP], s1[DGFEM_STRIP], s2[DGFEM_STRIP], s3[DGFEM_STRIP];
-    int r;
-    for (r = 0; r < DGFEM_STRIP; r++) s0[r] = s1[r] = s2[r] = s3[r] = 0;
-    for (; count > 0; count--, a += DGFEM_STRIP, b += DGFEM_STRIP) {
-        dgfem_real b0 = b[0], b1 = b[1], b2 = b[2], b3 = b[3];
-        for (r = 0; r < DGFEM_STRIP; r++) {
-            dgfem_real x = a[r];
-            s0[r] += x * b0;
-            s1[r] += x * b1;
-            s2[r] += x * b2;
-            s3[r] += x * b3;
-        }
-    }
-    for (r = 0; r < DGFEM_STRIP; r++) {
-        sum[r] = s0[r];
-        sum[DGFEM_STRIP + r] = s1[r];
-        sum[2 * DGFEM_STRIP + r] = s2[r];
-        sum[3 * DGFEM_STRIP + r] = s3[r];
-    }
-}
-
-/* x -= a b^T for a tile of `columns` columns. */
-static void dgfemi_tile_subtract(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x, int columns) {
-    dgfem_real sum[DGFEM_TILE * DGFEM_STRIP];
-    int i;
-    if (count == 0) return;
-    dgfemi_tile_product(a, b, count, sum);
-    for (i = 0; i < columns * DGFEM_STRIP; i++) x[i] -= sum[i];
-}
-
-/* A pivot that round-off has left of the diagonal element of A carries no digit: such a matrix is singular to working
-   precision, and the pivot counts as not positive. */
-#define DGFEM_PIVOT_THRESHOLD ((dgfem_real)(8 * DGFEM_EPSILON))
-
-/* Cholesky of the square part of a tile on the diagonal, whose first column is row `offset` of the strip; solves for
-   the rows below. Returns the column whose pivot fails, or DGFEM_NONE. */
-static int dgfemi_tile_cholesky(dgfem_real *x, int columns, int offset, const dgfem_real *diagonal) {
-    int c, d, r;
-    for (c = 0; c < columns; c++) {
-        dgfem_real *xc = x + c * DGFEM_STRIP;
-        dgfem_real pivot = xc[offset + c], reciprocal;
-        if (!(pivot > DGFEM_PIVOT_THRESHOLD * dgfemi_abs(diagonal[c])) || !dgfemi_is_finite(pivot)) return c;
-        reciprocal = 1 / dgfemi_sqrt(pivot);
-        for (r = 0; r < DGFEM_STRIP; r++) xc[r] = r < offset + c ? 0 : xc[r] * reciprocal;
-        for (d = c + 1; d < columns; d++) {
-            dgfem_real factor = xc[offset + d];
-            for (r = 0; r < DGFEM_STRIP; r++) x[d * DGFEM_STRIP + r] -= factor * xc[r];
-        }
-        xc[offset + c] = reciprocal;
-    }
-    return DGFEM_NONE;
-}
-
-/* x = x T^-T, T the square part of a tile on the diagonal. */
-static void dgfemi_tile_solve(dgfem_real *x, int columns, const dgfem_real *t) {
-    int c, d, r;
-    for (c = 0; c < columns; c++) {
-        dgfem_real *xc = x + c * DGFEM_STRIP;
-        for (r = 0; r < DGFEM_STRIP; r++) xc[r] *= t[c * DGFEM_STRIP + c];
-        for (d = c + 1; d < columns; d++) {
-            dgfem_real factor = t[c * DGFEM_STRIP + d];
-            for (r = 0; r < DGFEM_STRIP; r++) x[d * DGFEM_STRIP + r] -= factor * xc[r];
-        }
-    }
-}
-
-/* ---- panels ---- */
-
-typedef struct dgfemi_panel {
-    dgfem_real *values;
-    int width, height;
-} dgfemi_panel;
-
-static int dgfemi_panel_strips(const dgfemi_panel *p) { return dgfemi_strips(p->width) + dgfemi_strips(p->height); }
-
-static dgfem_real *dgfemi_strip(const dgfemi_panel *p, int strip) {
-    return p->values + (size_t)strip * DGFEM_STRIP * (size_t)p->width;
-}
-
-/* Row `row` of D, from column `column` on: the second operand of a product. */
-static const dgfem_real *dgfemi_pivot_row(const dgfemi_panel *p, int row, int column) {
-    return dgfemi_strip(p, row / DGFEM_STRIP) + (size_t)column * DGFEM_STRIP + row % DGFEM_STRIP;
-}
-
-/* The column that a strip's columns end before: those of D end at the diagonal. */
-static int dgfemi_strip_end(const dgfemi_panel *p, int strip, int limit) {
-    int end = strip < dgfemi_strips(p->width) ? (strip + 1) * DGFEM_STRIP : p->width;
-    if (end > p->width) end = p->width;
-    return end < limit ? end : limit;
-}
-
-static int dgfemi_tile_columns(int column, int end) { return end - column < DGFEM_TILE ? end - column : DGFEM_TILE; }
-
-/* ---- factorization ---- */
-
-/* Columns from <= k < to of one strip of L, those before `from` being done with. The rows of D that they meet are
-   finished. Returns the column whose pivot fails, or DGFEM_NONE. */
-static int dgfemi_factor_strip(const dgfemi_panel *p, int strip, int from, int to, const dgfem_real *diagonal) {
-    dgfem_real *values = dgfemi_strip(p, strip);
-    int end = dgfemi_strip_end(p, strip, to), j;
-    for (j = from; j < end; j += DGFEM_TILE) {
-        dgfem_real *x = values + (size_t)j * DGFEM_STRIP;
-        int columns = dgfemi_tile_columns(j, end);
-        dgfemi_tile_subtract(values + (size_t)from * DGFEM_STRIP, dgfemi_pivot_row(p, j, from), j - from, x, columns);
-        if (strip == j / DGFEM_STRIP) {
-            int failed = dgfemi_tile_cholesky(x, columns, j % DGFEM_STRIP, diagonal + j);
-            if (failed != DGFEM_NONE) return j + failed;
-        } else dgfemi_tile_solve(x, columns, dgfemi_pivot_row(p, j, j));
-    }
-    return DGFEM_NONE;
-}
-
-/* Subtracts from the columns from `to` on what the columns from <= k < to contribute. */
-static void dgfemi_update_panel(const dgfemi_panel *p, int from, int to) {
-    int strips = dgfemi_panel_strips(p), chunk, strip, j;
-    for (chunk = to; chunk < p->width; chunk += DGFEM_UPDATE_COLUMNS)
-        for (strip = chunk / DGFEM_STRIP; strip < strips; strip++) {
-            dgfem_real *values = dgfemi_strip(p, strip);
-            int end = dgfemi_strip_end(p, strip, chunk + DGFEM_UPDATE_COLUMNS);
-            for (j = chunk; j < end; j += DGFEM_TILE)
-                dgfemi_tile_subtract(values + (size_t)from * DGFEM_STRIP, dgfemi_pivot_row(p, j, from), to - from,
-                                     values + (size_t)j * DGFEM_STRIP, dgfemi_tile_columns(j, end));
-        }
-}
-
-/* D = L L^T, B = B L^-T. Returns the column whose pivot fails, or DGFEM_NONE. */
-static int dgfemi_factor_panel(const dgfemi_panel *p, const dgfem_real *diagonal) {
-    int strips = dgfemi_panel_strips(p), from, strip;
-    for (from = 0; from < p->width; from += DGFEM_PANEL_COLUMNS) {
-        int to = p->width - from < DGFEM_PANEL_COLUMNS ? p->width : from + DGFEM_PANEL_COLUMNS;
-        for (strip = from / DGFEM_STRIP; strip < strips; strip++) {
-            int failed = dgfemi_factor_strip(p, strip, from, to, diagonal);
-            if (failed != DGFEM_NONE) return failed;
-        }
-        dgfemi_update_panel(p, from, to);
-    }
-    return DGFEM_NONE;
-}
-
-/* Element (i, j), i >= j, of a packed lower half with n rows is [dgfemi_packed(n, j) + i]. */
-static size_t dgfemi_packed(int n, int j) { return (size_t)j * (size_t)(2 * (ptrdiff_t)n - j - 1) / 2; }
-
-/* Element (i, j) of U, with i the tile's row: = or += -sum. */
-static void dgfemi_store_tile(dgfem_real *u, int height, int row, int column, const dgfem_real *sum, int add) {
-    int columns = dgfemi_tile_columns(column, height), rows = height - row < DGFEM_STRIP ? height - row : DGFEM_STRIP;
-    int c, r;
-    for (c = 0; c < columns; c++, sum += DGFEM_STRIP) {
-        dgfem_real *to = u + dgfemi_packed(height, column + c) + row;
-        int first = column + c > row ? column + c - row : 0;
-        if (first == 0 && rows == DGFEM_STRIP) {
-            if (add)
-                for (r = 0; r < DGFEM_STRIP; r++) to[r] -= sum[r];
-            else
-                for (r = 0; r < DGFEM_STRIP; r++) to[r] = -sum[r];
-        } else
-            for (r = first; r < rows; r++) to[r] = (add ? to[r] : 0) - sum[r];
-    }
-}
-
-/* U = -B B^T, lower half. */
-static void dgfemi_make_update(const dgfemi_panel *p, dgfem_real *u) {
-    int pivot_strips = dgfemi_strips(p->width), strips = dgfemi_strips(p->height), from, chunk, strip, j;
-    dgfem_real sum[DGFEM_TILE * DGFEM_STRIP];
-    for (from = 0; from < p->width; from += DGFEM_PANEL_COLUMNS) {
-        int count = p->width - from < DGFEM_PANEL_COLUMNS ? p->width - from : DGFEM_PANEL_COLUMNS;
-        for (chunk = 0; chunk < p->height; chunk += DGFEM_UPDATE_COLUMNS)
-            for (strip = chunk / DGFEM_STRIP; strip < strips; strip++) {
-                const dgfem_real *a = dgfemi_strip(p, pivot_strips + strip) + (size_t)from * DGFEM_STRIP;
-                int end = (strip + 1) * DGFEM_STRIP;
-                if (end > chunk + DGFEM_UPDATE_COLUMNS) end = chunk + DGFEM_UPDATE_COLUMNS;
-                if (end > p->height) end = p->height;
-                for (j = chunk; j < end; j += DGFEM_TILE) {
-                    const dgfem_real *b = dgfemi_pivot_row(p, pivot_strips * DGFEM_STRIP + j, from);
-                    dgfemi_tile_product(a, b, count, sum);
-                    dgfemi_store_tile(u, p->height, strip * DGFEM_STRIP, j, sum, from > 0);
-                }
-            }
-    }
-}
-
-/* Fills the strips from a column-major array of width + height rows; what lies above D's diagonal strips is never
-   used. */
-static void dgfemi_pack_panel(const dgfemi_panel *p, const dgfem_real *columns) {
-    int pivot_strips = dgfemi_strips(p->width), strips = dgfemi_panel_strips(p), strip, k, r;
-    size_t stride = (size_t)p->width + (size_t)p->height;
-    for (strip = 0; strip < strips; strip++) {
-        dgfem_real *to = dgfemi_strip(p, strip);
-        int below = strip >= pivot_strips;
-        int row = below ? (strip - pivot_strips) * DGFEM_STRIP : strip * DGFEM_STRIP;
-        int rows = (below ? p->height : p->width) - row, end = dgfemi_strip_end(p, strip, p->width);
-        const dgfem_real *from = columns + (below ? p->width + row : row);
-        for (k = 0; k < end; k++, from += stride, to += DGFEM_STRIP) {
-            if (rows >= DGFEM_STRIP)
-                for (r = 0; r < DGFEM_STRIP; r++) to[r] = from[r];
-            else
-                for (r = 0; r < DGFEM_STRIP; r++) to[r] = r < rows ? from[r] : 0;
-        }
-    }
-}
-
-/* ---- solves ---- */
-
-/* y += x */
-static void dgfemi_add_vector(dgfem_real *y, const dgfem_real *x, int count) {
-    dgfem_real sum[4];
-    int i = 0, k;
-    for (; i + 4 <= count; i += 4) {
-        for (k = 0; k < 4; k++) sum[k] = y[i + k] + x[i + k];
-        for (k = 0; k < 4; k++) y[i + k] = sum[k];
-    }
-    for (; i < count; i++) y[i] += x[i];
-}
-
-/* sum[r] -= sum over k of strip(r, k) x[k] */
-static void dgfemi_strip_subtract(const dgfem_real *strip, int columns, const dgfem_real *x,
-                                  dgfem_real sum[DGFEM_STRIP]) {
-    dgfem_real even[DGFEM_STRIP] = {0}, odd[DGFEM_STRIP] = {0};
-    int k = 0, r;
-    for (; k + 2 <= columns; k += 2, strip += 2 * DGFEM_STRIP) {
-        dgfem_real x0 = x[k], x1 = x[k + 1];
-        for (r = 0; r < DGFEM_STRIP; r++) {
-            even[r] += strip[r] * x0;
-            odd[r] += strip[DGFEM_STRIP + r] * x1;
-        }
-    }
-    if (k < columns)
-        for (r = 0; r < DGFEM_STRIP; r++) even[r] += strip[r] * x[k];
-    for (r = 0; r < DGFEM_STRIP; r++) sum[r] -= even[r] + odd[r];
-}
-
-/* x[k] -= sum over r of strip(r, k) y[r] */
-static void dgfemi_strip_subtract_transposed(const dgfem_real *strip, int columns, const dgfem_real y[DGFEM_STRIP],
-                                             dgfem_real *x) {
-    int k, r;
-    for (k = 0; k < columns; k++, strip += DGFEM_STRIP) {
-        dgfem_real sum[4] = {0};
-        for (r = 0; r < DGFEM_STRIP; r++) sum[r % 4] += strip[r] * y[r];
-        x[k] -= (sum[0] + sum[1]) + (sum[2] + sum[3]);
-    }
-}
-
-/* x = L^-1 x for a supernode's own unknowns; below = -B x. */
-static void dgfemi_solve_panel(const dgfemi_panel *p, dgfem_real *x, dgfem_real *below) {
-    int pivot_strips = dgfemi_strips(p->width), strips = dgfemi_panel_strips(p), strip, c, r;
-    for (strip = 0; strip < pivot_strips; strip++) {
-        int first = strip * DGFEM_STRIP, columns = dgfemi_strip_end(p, strip, p->width) - first;
-        const dgfem_real *triangle = dgfemi_strip(p, strip) + (size_t)first * DGFEM_STRIP;
-        dgfem_real y[DGFEM_STRIP] = {0};
-        for (r = 0; r < columns; r++) y[r] = x[first + r];
-        dgfemi_strip_subtract(dgfemi_strip(p, strip), first, x, y);
-        for (c = 0; c < columns; c++, triangle += DGFEM_STRIP) {
-            y[c] *= triangle[c];
-            for (r = c + 1; r < columns; r++) y[r] -= triangle[r] * y[c];
-        }
-        for (r = 0; r < columns; r++) x[first + r] = y[r];
-    }
-    for (; strip < strips; strip++, below += DGFEM_STRIP) {
-        for (r = 0; r < DGFEM_STRIP; r++) below[r] = 0;
-        dgfemi_strip_subtract(dgfemi_strip(p, strip), p->width, x, below);
-    }
-}
-
-/* x = L^-T (x - B^T below) */
-static void dgfemi_solve_panel_transposed(const dgfemi_panel *p, dgfem_real *x, const dgfem_real *below) {
-    int pivot_strips = dgfemi_strips(p->width), strips = dgfemi_panel_strips(p), strip, c, r;
-    for (strip = pivot_strips; strip < strips; strip++, below += DGFEM_STRIP)
-        dgfemi_strip_subtract_transposed(dgfemi_strip(p, strip), p->width, below, x);
-    for (strip = pivot_strips - 1; strip >= 0; strip--) {
-        int first = strip * DGFEM_STRIP, columns = dgfemi_strip_end(p, strip, p->width) - first;
-        const dgfem_real *triangle = dgfemi_strip(p, strip) + (size_t)first * DGFEM_STRIP;
-        dgfem_real y[DGFEM_STRIP] = {0};
-        for (c = columns - 1; c >= 0; c--) {
-            const dgfem_real *column = triangle + c * DGFEM_STRIP;
-            y[c] = x[first + c];
-            for (r = c + 1; r < columns; r++) y[c] -= column[r] * y[r];
-            y[c] *= column[c];
-        }
-        for (r = 0; r < columns; r++) x[first + r] = y[r];
-        dgfemi_strip_subtract_transposed(dgfemi_strip(p, strip), first, y, x);
-    }
-}
-
-/* ==== cholesky.c ================================================================================================== */
-
-/* Sparse Cholesky factorization A = L L^T of matrices in blocks: symbolic analysis, multifrontal factorization, solves.
+/* Symbolic analysis of the sparse Cholesky factorization A = L L^T of matrices in blocks.
 
    A supernode is a range of columns of L with (nearly) the same rows below; its parent holds the first of these rows.
    Its front gathers all that eliminating its columns needs and gives:
@@ -11250,26 +14603,27 @@ typedef struct dgfemi_supernode {
     int width, height;          /* unknowns */
     int parent, child, sibling; /* supernodes: parent, first child, next child of the parent; or DGFEM_NONE */
     int row_start, row_end;     /* the rows below, in dgfem_cholesky.rows */
-    int run_start, run_end;     /* where they go in the parent's front, in dgfem_cholesky.runs */
+    int run_start, run_end;     /* where they go in the parent's front, in dgfem_cholesky.runs; */
+    int run_middle;             /* the runs before it go to the parent's panel, those from it on to its update */
+    int segment_start, segment_end; /* the same cut at the ends of strips, in dgfem_cholesky.segments */
+    int segment_middle;
     int entry_start, entry_end; /* the blocks of A that its columns begin with, in dgfem_cholesky.entries */
+    int task;                   /* that factors it; DGFEM_NONE: after all tasks, in ascending order */
+    double flops;               /* of it and of its descendants */
     size_t values;              /* its panel, in dgfem_cholesky.values */
     size_t update;              /* its U, in dgfem_cholesky.updates */
 } dgfemi_supernode;
 
-/* Consecutive rows below a supernode that are consecutive in the parent's front too, on one side of its width. */
-typedef struct dgfemi_run {
-    int row, front_row, length;
-} dgfemi_run;
-
-/* A stored block of A and where it goes in a front: as it is, or transposed where the order of elimination swaps its
-   row and column. */
-typedef struct dgfemi_entry {
-    int block, rows, columns;
-    int front_row, front_column, transposed;
-} dgfemi_entry;
+/* Supernodes first <= s < last that one worker factors: whole subtrees, which no other task looks at. */
+typedef struct dgfemi_task {
+    int first, last;
+    int failed; /* the position whose pivot failed, or DGFEM_NONE */
+    double flops;
+} dgfemi_task;
 
 struct dgfem_cholesky {
     dgfem_hooks hooks;
+    const dgfemi_kernels *kernels;
     int block_count, size;
     uint64_t pattern; /* hash of the pattern analysed */
     int factored;     /* 1: values hold a factorization */
@@ -11279,18 +14633,25 @@ struct dgfem_cholesky {
     int supernode_count;
     dgfemi_supernode *supernodes; /* children before parents */
     int *rows;                    /* positions */
-    dgfemi_run *runs;
+    dgfemi_run *runs, *segments;
     dgfemi_entry *entries;
+    int task_count;
+    dgfemi_task *tasks;   /* the largest first */
+    void *memory;         /* of the following, which begin at cache lines */
     dgfem_real *values;   /* L */
-    dgfem_real *panel;    /* one front's D and B while they are assembled: column-major */
-    dgfem_real *updates;  /* the U that still wait for their parents: lower halves, packed by columns */
-    dgfem_real *diagonal; /* [largest width] of A, in the front's columns */
-    dgfem_real *x;        /* [size] a solve's vector in the order of elimination */
-    dgfem_real *below;    /* [largest height, in whole strips] the part of it below a supernode */
+    dgfem_real *updates;  /* the U that still wait for their parents */
+    dgfem_real *own;      /* [largest width, in whole strips] a solve's unknowns of one supernode */
+    dgfem_real *below;    /* [largest height, in whole strips] and those below it */
+    dgfem_real *sums;     /* [largest width, in vectors] of a solve, one for each column */
+    dgfem_real *x;        /* [DGFEM_SOLVES * size] a solve's vectors in the order of elimination */
+    dgfem_real *diagonal; /* [size] of A, in the order of elimination */
+    dgfem_real *packed;   /* with DGFEM_USE_BLAS: a large panel's B in columns */
     double factor_entries, factor_flops;
 };
 
-/* ---- symbolic analysis: the elimination tree and its supernodes ---- */
+enum { DGFEM_SOLVES = 4 }; /* right-hand sides that are solved for together */
+
+/* ---- the elimination tree and its supernodes ---- */
 
 /* A fundamental supernode (columns with the same rows below) before merging; the others follow it in a chain. */
 typedef struct dgfemi_node {
@@ -11451,7 +14812,7 @@ static void dgfemi_merge_nodes(dgfemi_analysis *a) {
     }
 }
 
-/* ---- symbolic analysis: what the factorization follows ---- */
+/* ---- what the factorization follows ---- */
 
 /* Gives the blocks their final places: node after node as listed, and in each the columns merged into it before its
    own. */
@@ -11543,25 +14904,44 @@ static void dgfemi_map_front(const dgfem_cholesky *c, const dgfemi_supernode *su
     }
 }
 
-/* Where the rows below a supernode go in its parent's front. Returns the number of runs made by now. */
-static int dgfemi_make_runs(dgfem_cholesky *c, dgfemi_supernode *super, const int *front_row, int used) {
-    int width = c->supernodes[super->parent].width, row = 0, k;
-    super->run_start = used;
-    for (k = super->row_start; k < super->row_end; k++) {
-        int i = c->rows[k], length = c->offset[i + 1] - c->offset[i];
-        dgfemi_run *run = c->runs + used;
-        if (used > super->run_start && run[-1].front_row + run[-1].length == front_row[i] && front_row[i] != width)
-            run[-1].length += length;
-        else {
-            run->row = row;
-            run->front_row = front_row[i];
-            run->length = length;
-            used++;
-        }
-        row += length;
+/* Appends a run, or makes the last one since `first` longer. Returns the number of runs made by now. */
+static int dgfemi_add_run(dgfemi_run *runs, int first, int used, int row, int front_row, int length, int joins) {
+    if (joins && used > first) {
+        runs[used - 1].length += length;
+        return used;
     }
-    super->run_end = used;
-    return used;
+    runs[used].row = row;
+    runs[used].front_row = front_row;
+    runs[used].length = length;
+    return used + 1;
+}
+
+/* Where the rows below a supernode go in its parent's front, by runs and by segments. `used` are the numbers of both
+   that were made by now. */
+static void dgfemi_make_runs(dgfem_cholesky *c, dgfemi_supernode *super, const int *front_row, int used[2]) {
+    int width = c->supernodes[super->parent].width, strip = c->kernels->strip, row = 0, k;
+    super->run_start = super->run_middle = used[0];
+    super->segment_start = super->segment_middle = used[1];
+    for (k = super->row_start; k < super->row_end; k++) {
+        int i = c->rows[k], left = c->offset[i + 1] - c->offset[i], to = front_row[i], joins = 0;
+        if (used[0] > super->run_start) {
+            const dgfemi_run *last = c->runs + used[0] - 1;
+            joins = last->front_row + last->length == to && to != width;
+        }
+        used[0] = dgfemi_add_run(c->runs, super->run_start, used[0], row, to, left, joins);
+        if (to < width) super->run_middle = used[0];
+        while (left > 0) {
+            int place = to < width ? to : to - width, length = strip - place % strip;
+            if (length > strip - row % strip) length = strip - row % strip;
+            if (length > left) length = left;
+            used[1] = dgfemi_add_run(c->segments, super->segment_start, used[1], row, to, length,
+                                     joins && row % strip != 0 && place % strip != 0);
+            if (to < width) super->segment_middle = used[1];
+            row += length, to += length, left -= length, joins = 1;
+        }
+    }
+    super->run_end = used[0];
+    super->segment_end = used[1];
 }
 
 /* Where the stored blocks of A go that a supernode's columns begin with: those that couple its blocks to themselves and
@@ -11592,55 +14972,193 @@ static int dgfemi_make_entries(dgfem_cholesky *c, dgfemi_supernode *super, const
 
 /* 0 when out of memory. */
 static int dgfemi_make_fronts(dgfem_cholesky *c, const dgfemi_analysis *a, const dgfem_matrix *matrix) {
-    int *front_row = a->scratch[0], rows = 0, runs = 0, entries = 0, s, t;
-    if (c->supernode_count > 0) rows = c->supernodes[c->supernode_count - 1].row_end;
+    int *front_row = a->scratch[0], rows = 0, used[2] = {0, 0}, entries = 0, s, t, k;
+    double segments = 0;
+    for (s = 0; s < c->supernode_count; s++)
+        for (k = c->supernodes[s].row_start; k < c->supernodes[s].row_end; k++, rows++)
+            segments += 3 + 2 * (double)((c->offset[c->rows[k] + 1] - c->offset[c->rows[k]]) / c->kernels->strip);
+    if (segments > INT_MAX) return 0;
     c->runs = (dgfemi_run *)dgfemi_allocate(&c->hooks, (size_t)rows, sizeof *c->runs);
+    c->segments = (dgfemi_run *)dgfemi_allocate(&c->hooks, (size_t)segments, sizeof *c->segments);
     c->entries =
         (dgfemi_entry *)dgfemi_allocate(&c->hooks, (size_t)matrix->row_start[matrix->block_count], sizeof *c->entries);
-    if (!c->runs || !c->entries) return 0;
+    if (!c->runs || !c->segments || !c->entries) return 0;
     for (s = 0; s < c->supernode_count; s++) {
         dgfemi_supernode *super = c->supernodes + s;
         dgfemi_map_front(c, super, front_row);
         entries = dgfemi_make_entries(c, super, a, matrix, front_row, entries);
         for (t = super->child; t != DGFEM_NONE; t = c->supernodes[t].sibling)
-            runs = dgfemi_make_runs(c, c->supernodes + t, front_row, runs);
+            dgfemi_make_runs(c, c->supernodes + t, front_row, used);
     }
     return 1;
 }
 
-/* Reserves what factorizations and solves need. Update matrices lie on two stacks, for even and odd depths of the tree:
-   a front writes its own to one while those of its children are still on the other, and then drops them from the top.
-   0 when out of memory. */
-static int dgfemi_plan_memory(dgfem_cholesky *c, const dgfemi_analysis *a) {
-    int *stack = a->scratch[0], width = 0, strips = 0, s, t;
-    size_t values = 0, panel = 0, top[2] = {0, 0}, peak[2] = {0, 0};
-    for (s = c->supernode_count - 1; s >= 0; s--)
-        stack[s] = c->supernodes[s].parent == DGFEM_NONE ? 0 : !stack[c->supernodes[s].parent];
+/* ---- tasks and memory ---- */
+
+#define DGFEM_TASKS 24.0      /* about as many, for a few workers to share evenly */
+#define DGFEM_CACHE_LINE 64   /* bytes */
+#define DGFEM_TASK_FLOPS 2e6  /* less is not worth a task of its own */
+#define DGFEM_FRONT_FLOPS 4e6 /* less is not worth sharing a front */
+
+static int dgfemi_whole_strips(int rows, int strip) { return rows / strip + (rows % strip != 0); }
+
+static double dgfemi_front_flops(const dgfemi_supernode *super) {
+    double w = super->width, h = super->height;
+    return w * (w * w / 3 + w * h + h * h);
+}
+
+/* The flops of all subtrees. Returns the sum. */
+static double dgfemi_count_flops(dgfem_cholesky *c) {
+    double total = 0;
+    int s;
     for (s = 0; s < c->supernode_count; s++) {
         dgfemi_supernode *super = c->supernodes + s;
-        size_t w = (size_t)super->width, h = (size_t)super->height, *own = top + stack[s], *other = top + !stack[s];
-        size_t front = dgfemi_add_product(0, w, w + h);
-        int below = dgfemi_strips(super->height);
-        super->values = values;
-        values = dgfemi_add_product(values, w, (size_t)(dgfemi_strips(super->width) + below) * DGFEM_STRIP);
-        super->update = *own;
-        *own = h % 2 ? dgfemi_add_product(*own, h, (h + 1) / 2) : dgfemi_add_product(*own, h / 2, h + 1);
-        for (t = super->child; t != DGFEM_NONE; t = c->supernodes[t].sibling)
-            if (c->supernodes[t].update < *other) *other = c->supernodes[t].update;
-        if (*own > peak[stack[s]]) peak[stack[s]] = *own;
-        if (front > panel) panel = front;
-        if (super->width > width) width = super->width;
-        if (below > strips) strips = below;
+        super->flops += dgfemi_front_flops(super);
+        if (super->parent == DGFEM_NONE) total += super->flops;
+        else c->supernodes[super->parent].flops += super->flops;
     }
-    for (s = 0; s < c->supernode_count; s++)
-        if (stack[s]) c->supernodes[s].update += peak[0];
-    c->values = (dgfem_real *)dgfemi_allocate(&c->hooks, values, sizeof(dgfem_real));
-    c->panel = (dgfem_real *)dgfemi_allocate(&c->hooks, panel, sizeof(dgfem_real));
-    c->updates = (dgfem_real *)dgfemi_allocate(&c->hooks, dgfemi_add_product(peak[0], peak[1], 1), sizeof(dgfem_real));
-    c->diagonal = (dgfem_real *)dgfemi_allocate(&c->hooks, (size_t)width, sizeof(dgfem_real));
-    c->x = (dgfem_real *)dgfemi_allocate(&c->hooks, (size_t)c->size, sizeof(dgfem_real));
-    c->below = (dgfem_real *)dgfemi_allocate(&c->hooks, (size_t)strips * DGFEM_STRIP, sizeof(dgfem_real));
-    return c->values && c->panel && c->updates && c->diagonal && c->x && c->below;
+    return total;
+}
+
+/* The largest first, so that the small ones fill the gaps at the end. */
+static int dgfemi_compare_tasks(const void *a, const void *b) {
+    const dgfemi_task *s = (const dgfemi_task *)a, *t = (const dgfemi_task *)b;
+    if (s->flops != t->flops) return s->flops > t->flops ? -1 : 1;
+    return s->first - t->first;
+}
+
+/* Cuts the forest: supernodes whose subtrees are large stay above the cut, what hangs below goes to the tasks, several
+   subtrees to one where they are small. How fronts are distributed changes no bit of the result. 0 when out of
+   memory. */
+static int dgfemi_make_tasks(dgfem_cholesky *c) {
+    double limit = dgfemi_count_flops(c) / DGFEM_TASKS;
+    dgfemi_task *task = NULL;
+    int first = 0, s, k;
+    if (limit < DGFEM_TASK_FLOPS) limit = DGFEM_TASK_FLOPS;
+    if (!c->hooks.parallel_for) limit = DGFEM_TASKS * limit; /* one task, whose updates need less memory */
+    c->tasks = (dgfemi_task *)dgfemi_allocate_zero(&c->hooks, (size_t)c->supernode_count, sizeof *c->tasks);
+    if (!c->tasks) return 0;
+    for (s = 0; s < c->supernode_count; s++) {
+        dgfemi_supernode *super = c->supernodes + s;
+        super->task = DGFEM_NONE;
+        if (super->flops > limit) {
+            task = NULL;
+            first = s + 1;
+        } else if (super->parent == DGFEM_NONE || c->supernodes[super->parent].flops > limit) {
+            if (!task || task->flops + super->flops > limit) {
+                task = c->tasks + c->task_count++;
+                task->first = first;
+            }
+            task->last = first = s + 1;
+            task->flops += super->flops;
+        }
+    }
+    if (c->task_count > 1) qsort(c->tasks, (size_t)c->task_count, sizeof *c->tasks, dgfemi_compare_tasks);
+    for (k = 0; k < c->task_count; k++)
+        for (s = c->tasks[k].first; s < c->tasks[k].last; s++) c->supernodes[s].task = k;
+    return 1;
+}
+
+static size_t dgfemi_update_size(const dgfem_cholesky *c, const dgfemi_supernode *super) {
+    size_t strip = (size_t)c->kernels->strip, strips = (size_t)dgfemi_whole_strips(super->height, c->kernels->strip);
+    return strips % 2 ? dgfemi_add_product(0, strips * strip, (strips + 1) / 2 * strip)
+                      : dgfemi_add_product(0, strips / 2 * strip, (strips + 1) * strip);
+}
+
+/* Places the updates that the supernodes of one task (or those above all tasks) pass to each other on two stacks, for
+   even and odd depths: a front writes its own to one while those of its children are still on the other, and then
+   drops them from the top. Returns where the memory after them begins. */
+static size_t dgfemi_place_updates(dgfem_cholesky *c, int first, int last, int task, const int *odd, size_t used) {
+    size_t top[2] = {0, 0}, peak[2] = {0, 0};
+    int s, t;
+    for (s = first; s < last; s++) {
+        dgfemi_supernode *super = c->supernodes + s;
+        int own = odd[s];
+        if (super->task != task) continue;
+        for (t = super->child; t != DGFEM_NONE; t = c->supernodes[t].sibling)
+            if (c->supernodes[t].task == task) break;
+        if (super->parent != DGFEM_NONE && c->supernodes[super->parent].task == task) {
+            super->update = top[own];
+            top[own] = dgfemi_add_product(top[own], dgfemi_update_size(c, super), 1);
+            if (top[own] > peak[own]) peak[own] = top[own];
+        }
+        if (t != DGFEM_NONE) top[!own] = c->supernodes[t].update; /* of the first child of the same kind */
+    }
+    for (s = first; s < last; s++) {
+        dgfemi_supernode *super = c->supernodes + s;
+        if (super->task != task || super->parent == DGFEM_NONE || c->supernodes[super->parent].task != task) continue;
+        super->update = dgfemi_add_product(super->update, 1, used);
+        if (odd[s]) super->update = dgfemi_add_product(super->update, 1, peak[0]);
+    }
+    return dgfemi_add_product(dgfemi_add_product(used, peak[0], 1), peak[1], 1);
+}
+
+/* Places all updates. Returns the room they need. */
+static size_t dgfemi_plan_updates(dgfem_cholesky *c, int *odd) {
+    size_t used = 0;
+    int s, k;
+    for (s = c->supernode_count - 1; s >= 0; s--) {
+        dgfemi_supernode *super = c->supernodes + s;
+        odd[s] = super->parent != DGFEM_NONE && !odd[super->parent];
+        if (super->parent == DGFEM_NONE || c->supernodes[super->parent].task == super->task) continue;
+        super->update = used; /* what a task passes on waits until all tasks are done */
+        used = dgfemi_add_product(used, dgfemi_update_size(c, super), 1);
+    }
+    for (k = 0; k < c->task_count; k++)
+        used = dgfemi_place_updates(c, c->tasks[k].first, c->tasks[k].last, k, odd, used);
+    return dgfemi_place_updates(c, 0, c->supernode_count, DGFEM_NONE, odd, used);
+}
+
+/* Fronts whose update is left to BLAS where there is one. */
+static int dgfemi_is_for_blas(const dgfemi_supernode *super) {
+#ifdef DGFEM_USE_BLAS
+    return super->width >= 48 && super->height >= 192;
+#else
+    (void)super;
+    return 0;
+#endif
+}
+
+/* Takes `count` reals, in whole cache lines, from the front of memory still to be allocated. Returns where they are. */
+static size_t dgfemi_reserve(size_t *used, size_t count) {
+    size_t start = *used, line = DGFEM_CACHE_LINE / sizeof(dgfem_real);
+    *used = dgfemi_add_product(start, count / line + 1, line);
+    return start;
+}
+
+/* Reserves what factorizations and solves need. 0 when out of memory. */
+static int dgfemi_plan_memory(dgfem_cholesky *c, const dgfemi_analysis *a) {
+    int strip = c->kernels->strip, s, own = 0, below = 0;
+    size_t start[8], values = 0, packed = 0, used = 0;
+    dgfem_real *base;
+    for (s = 0; s < c->supernode_count; s++) {
+        dgfemi_supernode *super = c->supernodes + s;
+        int d = dgfemi_whole_strips(super->width, strip), b = dgfemi_whole_strips(super->height, strip);
+        super->values = values;
+        values = dgfemi_add_product(values, (size_t)super->width, (size_t)(d + b) * (size_t)strip);
+        if (d > own) own = d;
+        if (b > below) below = b;
+        if (dgfemi_is_for_blas(super) && (size_t)super->width * (size_t)super->height > packed)
+            packed = (size_t)super->width * (size_t)super->height;
+    }
+    /* a tile at the edge of the last panel may read, but not use, what is behind it */
+    start[0] = dgfemi_reserve(&used, dgfemi_add_product(values, (size_t)strip, (size_t)c->kernels->tile));
+    start[1] = dgfemi_reserve(&used, dgfemi_plan_updates(c, a->scratch[0]));
+    start[2] = dgfemi_reserve(&used, (size_t)own * (size_t)strip);
+    start[3] = dgfemi_reserve(&used, (size_t)below * (size_t)strip);
+    start[4] = dgfemi_reserve(&used, dgfemi_add_product(0, (size_t)c->size, DGFEM_SOLVES));
+    start[5] = dgfemi_reserve(&used, (size_t)c->size);
+    start[6] = dgfemi_reserve(&used, packed);
+    start[7] = dgfemi_reserve(&used, dgfemi_add_product(0, (size_t)own * (size_t)strip, (size_t)c->kernels->lanes));
+    used = dgfemi_add_product(used, DGFEM_CACHE_LINE / sizeof(dgfem_real), 1);
+    c->memory = dgfemi_allocate(&c->hooks, used, sizeof(dgfem_real));
+    if (!c->memory) return 0;
+    base = (dgfem_real *)(((uintptr_t)c->memory + DGFEM_CACHE_LINE - 1) & ~(uintptr_t)(DGFEM_CACHE_LINE - 1));
+    memset(base + start[0] + values, 0, (size_t)strip * (size_t)c->kernels->tile * sizeof *base);
+    c->values = base + start[0], c->updates = base + start[1], c->own = base + start[2];
+    c->below = base + start[3], c->x = base + start[4], c->diagonal = base + start[5];
+    c->packed = base + start[6], c->sums = base + start[7];
+    return 1;
 }
 
 /* Needs the final order. 0 when out of memory. */
@@ -11684,19 +15202,25 @@ static int dgfemi_analyse(dgfem_cholesky *c, const dgfem_matrix *matrix, dgfem_o
     if (!dgfemi_make_supernodes(c, a) || !dgfemi_make_offsets(c, a, matrix)) return 0;
     dgfemi_link_children(c);
     dgfemi_make_rows(c, a);
-    return dgfemi_make_fronts(c, a, matrix) && dgfemi_plan_memory(c, a);
+    return dgfemi_make_fronts(c, a, matrix) && dgfemi_make_tasks(c) && dgfemi_plan_memory(c, a);
 }
+
+/* ==== cholesky.c ================================================================================================== */
+
+/* Sparse Cholesky factorization A = L L^T of matrices in blocks: multifrontal factorization, solves. */
 
 DGFEM_API dgfem_cholesky_desc dgfem_default_cholesky_desc(void) {
     dgfem_cholesky_desc desc;
     memset(&desc, 0, sizeof desc);
     desc.cookie = DGFEM_COOKIE;
     desc.ordering = DGFEM_ORDERING_AUTO;
+    desc.simd = DGFEM_SIMD_AUTO;
     return desc;
 }
 
 DGFEM_API dgfem_status dgfem_cholesky_create(const dgfem_matrix *matrix, const dgfem_cholesky_desc *desc,
                                              dgfem_cholesky **out) {
+    const dgfemi_kernels *kernels;
     dgfemi_arena arena;
     dgfem_cholesky *c;
     dgfem_status status;
@@ -11709,9 +15233,14 @@ DGFEM_API dgfem_status dgfem_cholesky_create(const dgfem_matrix *matrix, const d
         return dgfemi_fail(&desc->hooks, DGFEM_ERROR_ARGUMENT, "cholesky: unknown ordering %d", (int)desc->ordering);
     if (desc->ordering == DGFEM_ORDERING_NESTED_DISSECTION && !matrix->centres)
         return dgfemi_fail(&desc->hooks, DGFEM_ERROR_ARGUMENT, "cholesky: nested dissection needs the blocks' centres");
+    kernels = dgfemi_kernels_choose(desc->simd);
+    if (!kernels)
+        return dgfemi_fail(&desc->hooks, DGFEM_ERROR_ARGUMENT, "cholesky: instruction set %d is not to be had here",
+                           (int)desc->simd);
     c = (dgfem_cholesky *)dgfemi_allocate_zero(&desc->hooks, 1, sizeof *c);
     if (c) {
         c->hooks = desc->hooks;
+        c->kernels = kernels;
         c->block_count = matrix->block_count;
         c->size = matrix->size;
         c->pattern = dgfemi_pattern_hash(matrix);
@@ -11737,68 +15266,14 @@ DGFEM_API void dgfem_cholesky_destroy(dgfem_cholesky *c) {
     dgfemi_free(&hooks, c->supernodes);
     dgfemi_free(&hooks, c->rows);
     dgfemi_free(&hooks, c->runs);
+    dgfemi_free(&hooks, c->segments);
     dgfemi_free(&hooks, c->entries);
-    dgfemi_free(&hooks, c->values);
-    dgfemi_free(&hooks, c->panel);
-    dgfemi_free(&hooks, c->updates);
-    dgfemi_free(&hooks, c->diagonal);
-    dgfemi_free(&hooks, c->x);
-    dgfemi_free(&hooks, c->below);
+    dgfemi_free(&hooks, c->tasks);
+    dgfemi_free(&hooks, c->memory);
     dgfemi_free(&hooks, c);
 }
 
 /* ---- numeric factorization ---- */
-
-/* Adds one block of A to the front; of diagonal blocks the lower half. */
-static void dgfemi_add_entry(const dgfemi_entry *entry, const dgfem_real *block, dgfem_real *panel, size_t stride) {
-    dgfem_real *to = panel + (size_t)entry->front_column * stride + entry->front_row;
-    int diagonal = entry->front_row == entry->front_column, i, j;
-    if (entry->transposed) {
-        for (i = 0; i < entry->rows; i++, block += entry->columns, to += stride)
-            for (j = 0; j < entry->columns; j++) to[j] = block[j];
-    } else {
-        for (j = 0; j < entry->columns; j++, to += stride)
-            for (i = diagonal ? j : 0; i < entry->rows; i++)
-                to[i] = block[(size_t)i * (size_t)entry->columns + (size_t)j];
-    }
-}
-
-/* Adds the columns of a child's update that belong to the front's panel (column-major, width + height rows), or those
-   that belong to its own update. */
-static void dgfemi_add_child(const dgfem_cholesky *c, const dgfemi_supernode *super, const dgfemi_supernode *child,
-                             int in_panel) {
-    const dgfem_real *from = c->updates + child->update;
-    int target, k, j;
-    for (target = child->run_start; target < child->run_end; target++) {
-        const dgfemi_run *columns = c->runs + target;
-        if ((columns->front_row < super->width) != in_panel) continue;
-        for (j = 0; j < columns->length; j++) {
-            const dgfem_real *source = from + dgfemi_packed(child->height, columns->row + j);
-            int column = columns->front_row + j, skip = j; /* of the first run: what is above the diagonal */
-            dgfem_real *to;
-            int shift = in_panel ? 0 : super->width;
-            if (in_panel) to = c->panel + (size_t)column * ((size_t)super->width + (size_t)super->height);
-            else to = c->updates + super->update + dgfemi_packed(super->height, column - shift);
-            for (k = target; k < child->run_end; k++, skip = 0) {
-                const dgfemi_run *rows = c->runs + k;
-                dgfemi_add_vector(to + (rows->front_row - shift + skip), source + rows->row + skip,
-                                  rows->length - skip);
-            }
-        }
-    }
-}
-
-/* Gathers D and B of a front: from A, whose diagonal is kept, and from the children. */
-static void dgfemi_assemble(dgfem_cholesky *c, const dgfemi_supernode *super, const dgfem_matrix *matrix) {
-    size_t stride = (size_t)super->width + (size_t)super->height;
-    int k;
-    memset(c->panel, 0, (size_t)super->width * stride * sizeof(dgfem_real));
-    for (k = super->entry_start; k < super->entry_end; k++)
-        dgfemi_add_entry(c->entries + k, matrix->values + matrix->value_start[c->entries[k].block], c->panel, stride);
-    for (k = 0; k < super->width; k++) c->diagonal[k] = c->panel[(size_t)k * (stride + 1)];
-    for (k = super->child; k != DGFEM_NONE; k = c->supernodes[k].sibling)
-        dgfemi_add_child(c, super, c->supernodes + k, 1);
-}
 
 static dgfemi_panel dgfemi_panel_of(const dgfem_cholesky *c, const dgfemi_supernode *super) {
     dgfemi_panel panel;
@@ -11808,26 +15283,230 @@ static dgfemi_panel dgfemi_panel_of(const dgfem_cholesky *c, const dgfemi_supern
     return panel;
 }
 
-/* Children come before parents; no front looks at any other than its children. Returns the position whose pivot fails,
-   or DGFEM_NONE. */
-static int dgfemi_factor(dgfem_cholesky *c, const dgfem_matrix *matrix) {
-    int s, t;
-    for (s = 0; s < c->supernode_count; s++) {
-        const dgfemi_supernode *super = c->supernodes + s;
-        dgfemi_panel panel = dgfemi_panel_of(c, super);
-        int failed;
-        dgfemi_assemble(c, super, matrix);
-        dgfemi_pack_panel(&panel, c->panel);
-        failed = dgfemi_factor_panel(&panel, c->diagonal);
-        if (failed != DGFEM_NONE) {
-            for (t = super->first; c->offset[t + 1] <= super->column + failed;) t++;
-            return t;
-        }
-        dgfemi_make_update(&panel, c->updates + super->update);
-        for (t = super->child; t != DGFEM_NONE; t = c->supernodes[t].sibling)
-            dgfemi_add_child(c, super, c->supernodes + t, 0);
+/* Work on one front that several threads may share: strips first <= i < last in groups. */
+typedef struct dgfemi_front {
+    dgfem_cholesky *c;
+    const dgfemi_supernode *super;
+    dgfemi_panel panel;
+    dgfem_real *update;
+    const dgfem_real *diagonal;
+    int pivot_strips, strips; /* of D; of B */
+    int packed;               /* 1: c->packed holds B, for BLAS */
+    int first, last, from, to;
+    int group;  /* strips that are worked on together, so that they stay in cache from one phase to the next */
+    int shared; /* 0: one thread does it all */
+    void (*work)(const struct dgfemi_front *front, int first, int last);
+} dgfemi_front;
+
+#define DGFEM_GROUP_ROWS 48     /* of a group of strips */
+#define DGFEM_SMALL_FRONT 32768. /* reals; a smaller front is in cache as a whole */
+
+/* Groups from both ends by turns: later strips have more to do than earlier ones, so equal numbers of groups are about
+   equal work. */
+static void dgfemi_front_range(void *context, int first, int last) {
+    const dgfemi_front *f = (const dgfemi_front *)context;
+    int groups = (f->last - f->first + f->group - 1) / f->group, i;
+    for (i = first; i < last; i++) {
+        int group = i % 2 ? groups - 1 - i / 2 : i / 2;
+        int from = f->first + group * f->group, to = from + f->group;
+        f->work(f, from, to < f->last ? to : f->last);
+    }
+}
+
+/* Does `work` for all strips first <= i < last. What is done for one does not depend on the others. */
+static void dgfemi_share(dgfemi_front *f, int first, int last,
+                         void (*work)(const dgfemi_front *front, int first, int last)) {
+    f->first = first, f->last = last, f->work = work;
+    if (f->shared && first < last) {
+        dgfemi_parallel_for(&f->c->hooks, (last - first + f->group - 1) / f->group, 1, dgfemi_front_range, f);
+        return;
+    }
+    for (; first < last; first += f->group) work(f, first, last - first < f->group ? last : first + f->group);
+}
+
+/* The first segment of a child, from `low` to `high`, whose row in the front is `row` or a later one. */
+static int dgfemi_find_segment(const dgfem_cholesky *c, int low, int high, int row) {
+    while (low < high) {
+        int middle = low + (high - low) / 2;
+        if (c->segments[middle].front_row < row) low = middle + 1;
+        else high = middle;
+    }
+    return low;
+}
+
+/* Adds the rows first <= i < last of the children's updates: the columns that belong to the panel, or those that belong
+   to the front's own update. */
+static void dgfemi_add_children(const dgfemi_front *f, int first, int last, int in_panel) {
+    const dgfem_cholesky *c = f->c;
+    dgfemi_extension extension;
+    int k;
+    extension.panel = f->panel;
+    extension.update = in_panel ? NULL : f->update;
+    extension.segments = c->segments;
+    for (k = f->super->child; k != DGFEM_NONE; k = c->supernodes[k].sibling) {
+        const dgfemi_supernode *child = c->supernodes + k;
+        int first_run = in_panel ? child->run_start : child->run_middle;
+        int start = dgfemi_find_segment(c, child->segment_start, child->segment_end, first);
+        int end = dgfemi_find_segment(c, start, child->segment_end, last);
+        extension.child = c->updates + child->update;
+        extension.runs = c->runs + first_run;
+        extension.run_count = (in_panel ? child->run_middle : child->run_end) - first_run;
+        if (start < end) c->kernels->add_update(&extension, start, end);
+    }
+}
+
+/* The rows of the front that strips of the panel hold: of D, or of B. */
+static void dgfemi_gather_panel(const dgfemi_front *f, int first, int last) {
+    int strip = f->c->kernels->strip, width = f->panel.width, pivots = f->pivot_strips;
+    f->c->kernels->clear_panel(&f->panel, first, last);
+    if (first < pivots)
+        dgfemi_add_children(f, first * strip, last < pivots ? last * strip : width, 1);
+    if (last > pivots)
+        dgfemi_add_children(f, width + (first > pivots ? first - pivots : 0) * strip, width + (last - pivots) * strip, 1);
+}
+
+/* Gathers D and B of a front: from the children and from A, whose diagonal is kept. */
+static void dgfemi_assemble(dgfemi_front *f, const dgfem_matrix *matrix) {
+    const dgfem_cholesky *c = f->c;
+    int k, i;
+    dgfemi_share(f, 0, f->pivot_strips + f->strips, dgfemi_gather_panel);
+    for (k = f->super->entry_start; k < f->super->entry_end; k++) {
+        const dgfemi_entry *entry = c->entries + k;
+        const dgfem_real *block = matrix->values + matrix->value_start[entry->block];
+        c->kernels->add_block(&f->panel, entry, block);
+        if (entry->front_row != entry->front_column) continue;
+        for (i = 0; i < entry->rows; i++)
+            c->diagonal[f->super->column + entry->front_row + i] = block[(size_t)i * (size_t)(entry->rows + 1)];
+    }
+}
+
+static void dgfemi_factor_rows(const dgfemi_front *f, int first, int last) {
+    (void)f->c->kernels->factor_strips(&f->panel, first, last, f->from, f->to, f->diagonal);
+}
+
+static void dgfemi_update_rows(const dgfemi_front *f, int first, int last) {
+    f->c->kernels->update_strips(&f->panel, first, last, f->from, f->to);
+}
+
+/* D = L L^T, B = B L^-T. Returns the column whose pivot fails, or DGFEM_NONE. */
+static int dgfemi_factor_panel(dgfemi_front *f) {
+    const dgfemi_kernels *kernels = f->c->kernels;
+    int width = f->panel.width, strip = kernels->strip, strips = f->pivot_strips + f->strips;
+    for (f->from = 0; f->from < width; f->from = f->to) {
+        int first = f->from / strip, last, failed;
+        f->to = width - f->from < DGFEM_PANEL_COLUMNS ? width : f->from + DGFEM_PANEL_COLUMNS;
+        last = dgfemi_whole_strips(f->to, strip);
+        failed = kernels->factor_strips(&f->panel, first, last, f->from, f->to, f->diagonal);
+        if (failed != DGFEM_NONE) return failed;
+        dgfemi_share(f, last, strips, dgfemi_factor_rows);
+        if (f->to < width) dgfemi_share(f, last, strips, dgfemi_update_rows);
     }
     return DGFEM_NONE;
+}
+
+#ifdef DGFEM_USE_BLAS
+/* B in columns, as BLAS wants one operand of B B^T; strips will do for the other, and for the result. */
+static void dgfemi_pack_for_blas(dgfemi_front *f) {
+    int strip = f->c->kernels->strip, width = f->panel.width, height = f->panel.height, s, k;
+    for (s = 0; s < f->strips; s++) {
+        const dgfem_real *from = f->panel.values + (size_t)(f->pivot_strips + s) * (size_t)strip * (size_t)width;
+        int rows = height - s * strip < strip ? height - s * strip : strip;
+        for (k = 0; k < width; k++, from += strip)
+            memcpy(f->c->packed + (size_t)k * (size_t)height + (size_t)s * (size_t)strip, from,
+                   (size_t)rows * sizeof *from);
+    }
+    f->packed = 1;
+}
+
+static void dgfemi_make_update_by_blas(const dgfemi_front *f, int first, int last) {
+    int strip = f->c->kernels->strip, width = f->panel.width, height = f->panel.height, s;
+    for (s = first; s < last; s++) {
+        const dgfem_real *a = f->panel.values + (size_t)(f->pivot_strips + s) * (size_t)strip * (size_t)width;
+        dgfem_real *u = f->update + (size_t)s * ((size_t)s + 1) / 2 * (size_t)strip * (size_t)strip;
+        int columns = (s + 1) * strip < height ? (s + 1) * strip : height;
+#if DGFEM_REAL_IS_FLOAT
+        cblas_sgemm(CblasColMajor, CblasNoTrans, CblasTrans, strip, columns, width, -1, a, strip, f->c->packed, height,
+                    0, u, strip);
+#else
+        cblas_dgemm(CblasColMajor, CblasNoTrans, CblasTrans, strip, columns, width, -1, a, strip, f->c->packed, height,
+                    0, u, strip);
+#endif
+    }
+}
+#endif
+
+/* U = -B B^T and what the children pass on. */
+static void dgfemi_make_rows_of_update(const dgfemi_front *f, int first, int last) {
+    int strip = f->c->kernels->strip, width = f->panel.width;
+#ifdef DGFEM_USE_BLAS
+    if (f->packed) dgfemi_make_update_by_blas(f, first, last);
+#endif
+    if (!f->packed) f->c->kernels->make_update(&f->panel, f->update, first, last);
+    dgfemi_add_children(f, width + first * strip, width + last * strip, 0);
+}
+
+/* Children come before parents; no front looks at any other than its children. Returns the position whose pivot fails,
+   or DGFEM_NONE. */
+static int dgfemi_factor_front(dgfem_cholesky *c, int s, const dgfem_matrix *matrix, int may_share) {
+    const dgfemi_supernode *super = c->supernodes + s;
+    int strip = c->kernels->strip, failed, t;
+    dgfemi_front front;
+    memset(&front, 0, sizeof front);
+    front.c = c;
+    front.super = super;
+    front.panel = dgfemi_panel_of(c, super);
+    front.update = c->updates + super->update;
+    front.diagonal = c->diagonal + super->column;
+    front.pivot_strips = dgfemi_whole_strips(super->width, strip);
+    front.strips = dgfemi_whole_strips(super->height, strip);
+    front.shared = may_share && dgfemi_front_flops(super) > DGFEM_FRONT_FLOPS;
+    front.group = strip < DGFEM_GROUP_ROWS ? DGFEM_GROUP_ROWS / strip : 1;
+    if ((double)(super->width + super->height) * (super->width + super->height) < DGFEM_SMALL_FRONT)
+        front.group = front.pivot_strips + front.strips;
+    dgfemi_assemble(&front, matrix);
+    failed = dgfemi_factor_panel(&front);
+    if (failed != DGFEM_NONE) {
+        for (t = super->first; c->offset[t + 1] <= super->column + failed;) t++;
+        return t;
+    }
+#ifdef DGFEM_USE_BLAS
+    /* there is room for one, and tasks run side by side */
+    if (dgfemi_is_for_blas(super) && (may_share || c->task_count == 1)) dgfemi_pack_for_blas(&front);
+#endif
+    dgfemi_share(&front, 0, front.strips, dgfemi_make_rows_of_update);
+    return DGFEM_NONE;
+}
+
+typedef struct dgfemi_factoring {
+    dgfem_cholesky *c;
+    const dgfem_matrix *matrix;
+} dgfemi_factoring;
+
+static void dgfemi_factor_tasks(void *context, int first, int last) {
+    const dgfemi_factoring *f = (const dgfemi_factoring *)context;
+    int k, s;
+    for (k = first; k < last; k++) {
+        dgfemi_task *task = f->c->tasks + k;
+        task->failed = DGFEM_NONE;
+        for (s = task->first; s < task->last && task->failed == DGFEM_NONE; s++)
+            task->failed = dgfemi_factor_front(f->c, s, f->matrix, 0);
+    }
+}
+
+/* All tasks, then what is above them: the same for any number of threads. Returns the first position whose pivot
+   fails, or DGFEM_NONE. */
+static int dgfemi_factor(dgfem_cholesky *c, const dgfem_matrix *matrix) {
+    dgfemi_factoring factoring;
+    int failed = DGFEM_NONE, k, s;
+    factoring.c = c;
+    factoring.matrix = matrix;
+    dgfemi_parallel_for(&c->hooks, c->task_count, 1, dgfemi_factor_tasks, &factoring);
+    for (k = 0; k < c->task_count; k++)
+        if (c->tasks[k].failed != DGFEM_NONE && (failed == DGFEM_NONE || c->tasks[k].failed < failed))
+            failed = c->tasks[k].failed;
+    for (s = 0; s < c->supernode_count && failed == DGFEM_NONE; s++)
+        if (c->supernodes[s].task == DGFEM_NONE) failed = dgfemi_factor_front(c, s, matrix, 1);
+    return failed;
 }
 
 DGFEM_API dgfem_status dgfem_cholesky_factor(dgfem_cholesky *c, const dgfem_matrix *matrix, dgfem_cholesky_info *info) {
@@ -11842,6 +15521,7 @@ DGFEM_API dgfem_status dgfem_cholesky_factor(dgfem_cholesky *c, const dgfem_matr
         info->factor_entries = c->factor_entries;
         info->factor_flops = c->factor_flops;
         info->supernodes = c->supernode_count;
+        info->simd = c->kernels->simd;
     }
     if (matrix->block_count != c->block_count || matrix->size != c->size || dgfemi_pattern_hash(matrix) != c->pattern)
         return dgfemi_fail(&c->hooks, DGFEM_ERROR_ARGUMENT, "cholesky: the matrix has not the pattern analysed");
@@ -11854,54 +15534,93 @@ DGFEM_API dgfem_status dgfem_cholesky_factor(dgfem_cholesky *c, const dgfem_matr
 
 /* ---- solves ---- */
 
+/* Copies the unknowns of one supernode into c->own, with zeros up to whole strips; or back. */
+static void dgfemi_gather_own(const dgfem_cholesky *c, const dgfemi_supernode *super, const dgfem_real *x) {
+    int padded = dgfemi_whole_strips(super->width, c->kernels->strip) * c->kernels->strip;
+    memcpy(c->own, x + super->column, (size_t)super->width * sizeof *x);
+    memset(c->own + super->width, 0, (size_t)(padded - super->width) * sizeof *x);
+}
+
 /* The part of x at the rows below a supernode, or what changes it. */
-static void dgfemi_add_below(const dgfem_cholesky *c, const dgfemi_supernode *super) {
+static void dgfemi_add_below(const dgfem_cholesky *c, const dgfemi_supernode *super, dgfem_real *x) {
     const dgfem_real *below = c->below;
-    int k;
+    int k, i;
     for (k = super->row_start; k < super->row_end; k++) {
-        int first = c->offset[c->rows[k]], count = c->offset[c->rows[k] + 1] - first;
-        dgfemi_add_vector(c->x + first, below, count);
+        int count = c->offset[c->rows[k] + 1] - c->offset[c->rows[k]];
+        dgfem_real *to = x + c->offset[c->rows[k]];
+        for (i = 0; i < count; i++) to[i] += below[i];
         below += count;
     }
 }
 
-static void dgfemi_gather_below(const dgfem_cholesky *c, const dgfemi_supernode *super) {
+static void dgfemi_gather_below(const dgfem_cholesky *c, const dgfemi_supernode *super, const dgfem_real *x) {
     dgfem_real *below = c->below;
-    int padding = dgfemi_strips(super->height) * DGFEM_STRIP - super->height, k, i;
+    int padded = dgfemi_whole_strips(super->height, c->kernels->strip) * c->kernels->strip, k, i;
     for (k = super->row_start; k < super->row_end; k++) {
-        int first = c->offset[c->rows[k]], count = c->offset[c->rows[k] + 1] - first;
-        for (i = 0; i < count; i++) *below++ = c->x[first + i];
+        int count = c->offset[c->rows[k] + 1] - c->offset[c->rows[k]];
+        const dgfem_real *from = x + c->offset[c->rows[k]];
+        for (i = 0; i < count; i++) below[i] = from[i];
+        below += count;
     }
-    for (i = 0; i < padding; i++) *below++ = 0;
+    memset(below, 0, (size_t)(padded - super->height) * sizeof *below);
 }
 
-static void dgfemi_solve(const dgfem_cholesky *c, const dgfem_real *b, dgfem_real *x) {
-    int s, k, i;
-    for (k = 0; k < c->block_count; k++)
-        for (i = c->offset[k]; i < c->offset[k + 1]; i++) c->x[i] = b[c->source[k] + i - c->offset[k]];
+/* For up to DGFEM_SOLVES right-hand sides at a time: each panel is read once for all of them. */
+static void dgfemi_solve(const dgfem_cholesky *c, int count, const dgfem_real *b, dgfem_real *x) {
+    size_t size = (size_t)c->size;
+    int s, k, r;
+    for (r = 0; r < count; r++)
+        for (k = 0; k < c->block_count; k++)
+            memcpy(c->x + (size_t)r * size + c->offset[k], b + (size_t)r * size + c->source[k],
+                   (size_t)(c->offset[k + 1] - c->offset[k]) * sizeof *x);
     for (s = 0; s < c->supernode_count; s++) {
-        dgfemi_panel panel = dgfemi_panel_of(c, c->supernodes + s);
-        dgfemi_solve_panel(&panel, c->x + c->supernodes[s].column, c->below);
-        dgfemi_add_below(c, c->supernodes + s);
+        const dgfemi_supernode *super = c->supernodes + s;
+        dgfemi_panel panel = dgfemi_panel_of(c, super);
+        for (r = 0; r < count; r++) {
+            dgfemi_gather_own(c, super, c->x + (size_t)r * size);
+            c->kernels->solve_panel(&panel, c->own, c->below);
+            memcpy(c->x + (size_t)r * size + super->column, c->own, (size_t)super->width * sizeof *x);
+            dgfemi_add_below(c, super, c->x + (size_t)r * size);
+        }
     }
     for (s = c->supernode_count - 1; s >= 0; s--) {
-        dgfemi_panel panel = dgfemi_panel_of(c, c->supernodes + s);
-        dgfemi_gather_below(c, c->supernodes + s);
-        dgfemi_solve_panel_transposed(&panel, c->x + c->supernodes[s].column, c->below);
+        const dgfemi_supernode *super = c->supernodes + s;
+        dgfemi_panel panel = dgfemi_panel_of(c, super);
+        for (r = 0; r < count; r++) {
+            dgfemi_gather_own(c, super, c->x + (size_t)r * size);
+            dgfemi_gather_below(c, super, c->x + (size_t)r * size);
+            c->kernels->solve_panel_transposed(&panel, c->own, c->below, c->sums);
+            memcpy(c->x + (size_t)r * size + super->column, c->own, (size_t)super->width * sizeof *x);
+        }
     }
-    for (k = 0; k < c->block_count; k++)
-        for (i = c->offset[k]; i < c->offset[k + 1]; i++) x[c->source[k] + i - c->offset[k]] = c->x[i];
+    for (r = 0; r < count; r++)
+        for (k = 0; k < c->block_count; k++)
+            memcpy(x + (size_t)r * size + c->source[k], c->x + (size_t)r * size + c->offset[k],
+                   (size_t)(c->offset[k + 1] - c->offset[k]) * sizeof *x);
+}
+
+DGFEM_API dgfem_status dgfem_cholesky_solve_many(const dgfem_cholesky *c, int count, const dgfem_real *b,
+                                                 dgfem_real *x) {
+    int bad, r;
+    if (!c) return DGFEM_ERROR_ARGUMENT;
+    if (!b || !x) return dgfemi_fail(&c->hooks, DGFEM_ERROR_ARGUMENT, "cholesky: b or x is NULL");
+    if (count < 0) return dgfemi_fail(&c->hooks, DGFEM_ERROR_ARGUMENT, "cholesky: %d right-hand sides", count);
+    if (!c->factored) return dgfemi_fail(&c->hooks, DGFEM_ERROR_ARGUMENT, "cholesky: no factorization to solve with");
+    for (r = 0; r < count; r++) {
+        bad = dgfemi_vector_not_finite(c->size, b + (size_t)r * (size_t)c->size);
+        if (bad != DGFEM_NONE)
+            return count == 1
+                       ? dgfemi_fail(&c->hooks, DGFEM_ERROR_NOT_FINITE, "cholesky: b[%d]", bad)
+                       : dgfemi_fail(&c->hooks, DGFEM_ERROR_NOT_FINITE, "cholesky: b[%d] of right-hand side %d", bad, r);
+    }
+    for (r = 0; r < count; r += DGFEM_SOLVES)
+        dgfemi_solve(c, count - r < DGFEM_SOLVES ? count - r : DGFEM_SOLVES, b + (size_t)r * (size_t)c->size,
+                     x + (size_t)r * (size_t)c->size);
+    return DGFEM_OK;
 }
 
 DGFEM_API dgfem_status dgfem_cholesky_solve(const dgfem_cholesky *c, const dgfem_real *b, dgfem_real *x) {
-    int bad;
-    if (!c) return DGFEM_ERROR_ARGUMENT;
-    if (!b || !x) return dgfemi_fail(&c->hooks, DGFEM_ERROR_ARGUMENT, "cholesky: b or x is NULL");
-    if (!c->factored) return dgfemi_fail(&c->hooks, DGFEM_ERROR_ARGUMENT, "cholesky: no factorization to solve with");
-    bad = dgfemi_vector_not_finite(c->size, b);
-    if (bad != DGFEM_NONE) return dgfemi_fail(&c->hooks, DGFEM_ERROR_NOT_FINITE, "cholesky: b[%d]", bad);
-    dgfemi_solve(c, b, x);
-    return DGFEM_OK;
+    return dgfem_cholesky_solve_many(c, 1, b, x);
 }
 
 /* ==== pcg.c ======================================================================================================= */
@@ -18480,6 +22199,7 @@ enum { DGFEMI_BELOW = 1, DGFEMI_ABOVE = 2, DGFEMI_LINKED = 4, DGFEMI_SLIT = 8 };
 typedef struct dgfemi_skin_point {
     dgfem_vec3 world, rest, anchor;
     int weld;      /* the point that stands for all of this place, itself included */
+    int element;   /* that carried it before all blades */
     int parent[2]; /* points; DGFEM_NONE for old vertices */
     dgfem_real t;
     int out[2]; /* vertices of the result, below and above; the same where the point is not separated */
@@ -18493,6 +22213,7 @@ typedef struct dgfemi_skin_point {
 typedef struct dgfemi_skin_part {
     int corner[3]; /* points */
     int source, wall;
+    int of;   /* triangle that it is a part of; DGFEM_NONE: no area is left of it */
     int side; /* DGFEMI_BELOW, DGFEMI_ABOVE, or both: not split though it crosses the plane */
 } dgfemi_skin_part;
 
@@ -18513,6 +22234,7 @@ typedef struct dgfemi_skin_edges {
 /* A point of the cross-section. */
 typedef struct dgfemi_cap_point {
     int weld;      /* point of the skin, or DGFEM_NONE inside */
+    int element, layer;
     int parent[2]; /* of points between two others: points of the cross-section */
     dgfem_vec3 world, rest;
     int out[2]; /* vertices of the walls */
@@ -18523,7 +22245,7 @@ typedef struct dgfemi_skin_vertex {
     dgfem_vec3 rest, anchor, world;
     int parent[2];
     dgfem_real weight;
-    int weld;
+    int weld, element;
     int side; /* -1, 1, or 0 where it does not matter */
     int slit; /* 1: it has a counterpart on the other side */
 } dgfemi_skin_vertex;
@@ -18533,6 +22255,11 @@ typedef struct dgfemi_skin_cutter {
     const dgfem_body *body;
     const dgfemi_blade *blade;
     const dgfem_hooks *hooks;
+    const dgfem_body *before; /* all blades */
+    int last;                 /* 1: no further blade follows */
+    dgfemi_ints *element;     /* [the skin's vertices] of `before` */
+    int *layer;               /* [elements of `before`] that the blade meets them in; DGFEM_NONE */
+    int layer_count;
     dgfemi_skin_point *points;
     int point_count, point_capacity;
     dgfemi_skin_part *parts;
@@ -18551,6 +22278,7 @@ typedef struct dgfemi_skin_cutter {
 } dgfemi_skin_cutter;
 
 static void dgfemi_skin_cutter_free(dgfemi_skin_cutter *c) {
+    dgfemi_free(c->hooks, c->layer);
     dgfemi_free(c->hooks, c->points);
     dgfemi_free(c->hooks, c->parts);
     dgfemi_free(c->hooks, c->split);
@@ -18596,7 +22324,7 @@ static int dgfemi_skin_add_point(dgfemi_skin_cutter *c, int a, int b, dgfem_real
     p->anchor = dgfemi_add_scaled(pa->anchor, t, dgfemi_sub(pb->anchor, pa->anchor));
     p->world =
         dgfemi_add_scaled(dgfemi_skin_world(c, a), t, dgfemi_sub(dgfemi_skin_world(c, b), dgfemi_skin_world(c, a)));
-    p->parent[0] = a, p->parent[1] = b, p->t = t;
+    p->parent[0] = a, p->parent[1] = b, p->t = t, p->element = pa->element;
     p->weld = weld == DGFEM_NONE ? c->point_count : weld;
     p->out[0] = p->out[1] = p->first[0] = p->first[1] = p->cap = DGFEM_NONE;
     return c->point_count++;
@@ -18636,14 +22364,14 @@ static int dgfemi_skin_cutter_begin(dgfemi_skin_cutter *c) {
         dgfemi_skin_point *p = &c->points[v];
         p->world = skin->positions[v], p->rest = skin->embedding->points[v];
         p->anchor = skin->anchors ? skin->anchors[v] : p->rest;
-        p->weld = skin->weld ? skin->weld[v] : v;
+        p->weld = skin->weld ? skin->weld[v] : v, p->element = c->element->data[v];
         p->parent[0] = p->parent[1] = p->out[0] = p->out[1] = p->first[0] = p->first[1] = p->cap = DGFEM_NONE;
     }
     for (int t = 0; t < skin->triangle_count; t++) {
         memcpy(c->parts[t].corner, skin->triangles + 3 * t, sizeof c->parts[t].corner);
         c->parts[t].source = skin->source ? skin->source[t] : t;
         c->parts[t].wall = skin->wall ? skin->wall[t] : 0;
-        c->parts[t].side = 0;
+        c->parts[t].of = t, c->parts[t].side = 0;
     }
     return dgfemi_buckets_reset(c->hooks, &c->edges.buckets, skin->triangle_count / 4) &&
            dgfemi_buckets_reset(c->hooks, &c->plane_edges.buckets, skin->triangle_count / 4) &&
@@ -18664,12 +22392,31 @@ static dgfem_real dgfemi_skin_flatness(const dgfemi_skin_cutter *c) {
     return dgfemi_max(DGFEM_SKIN_FLAT * dgfemi_distance(lower, upper), 16 * DGFEM_EPSILON * size);
 }
 
+/* Of the elements, by volume: small ones that cuts leave do not count for much. */
+static dgfem_real dgfemi_skin_mean_radius(const dgfem_mesh *mesh) {
+    dgfem_real sum = 0, volume = 0;
+    for (int e = 0; e < mesh->element_count; e++) {
+        sum += mesh->elements[e].volume * mesh->elements[e].radius;
+        volume += mesh->elements[e].volume;
+    }
+    return volume > 0 ? sum / volume : 0;
+}
+
+/* Vertices of earlier walls nearer to the plane than this part of the elements' radius count as on it. So a stroke goes
+   on where the last one ended, though its slit has moved a little, and walls are not cut into ever thinner slices. */
+#define DGFEM_SKIN_WALL_SNAP DGFEM_R(0.05)
+
 /* Signs of all welds; then those too near to the plane on an edge that crosses it become zero. */
 static void dgfemi_skin_find_signs(dgfemi_skin_cutter *c) {
     dgfem_real flat = c->point_count > 0 ? dgfemi_skin_flatness(c) : 0;
+    dgfem_real wall_flat = DGFEM_SKIN_WALL_SNAP * dgfemi_skin_mean_radius(c->body->mesh);
     for (int v = 0; v < c->point_count; v++) {
         dgfem_real d = dgfemi_blade_distance(c->blade, c->points[v].world);
         c->points[v].sign = (d > flat) - (d < -flat);
+    }
+    for (int i = 0; i < 3 * c->part_count; i++) {
+        dgfemi_skin_point *p = dgfemi_skin_weld(c, c->parts[i / 3].corner[i % 3]);
+        if (c->parts[i / 3].wall && dgfemi_abs(dgfemi_blade_distance(c->blade, p->world)) < wall_flat) p->sign = 0;
     }
     for (int i = 0; i < 3 * c->part_count; i++) {
         const int *corner = c->parts[i / 3].corner;
@@ -18998,11 +22745,80 @@ static int dgfemi_skin_split_triangle(dgfemi_skin_cutter *c, int of) {
 
 static int dgfemi_skin_split_all(dgfemi_skin_cutter *c) {
     int count = c->part_count;
-    if (c->edges.count > 0)
-        for (int i = 0; i < count; i++)
-            if (!dgfemi_skin_split_triangle(c, i)) return 0;
-    for (int i = 0; i < c->part_count; i++) c->parts[i].side = dgfemi_skin_side(c, c->parts[i].corner);
+    if (c->edges.count == 0) return 1;
+    for (int i = 0; i < count; i++)
+        if (!dgfemi_skin_split_triangle(c, i)) return 0;
     return 1;
+}
+
+/* ---- short edges along the blade ---- */
+
+/* New points on earlier walls nearer to each other than this part of the elements' radius become one. Without it every
+   cut through the thin triangles of a wall would leave as many points as it meets edges, and its own walls thinner
+   triangles yet. Walls are flat, and lose little; the skin as it was made keeps all its points. */
+#define DGFEM_SKIN_WALL_SPACING DGFEM_R(0.25)
+
+/* Whether a point may move to another one: new, on an edge, not on a seam, where it has copies, and no tip's parent. */
+static int dgfemi_skin_is_free(const dgfemi_skin_cutter *c, const char *kept, int point) {
+    const dgfemi_skin_point *p = &c->points[point];
+    int old = c->skin->vertex_count;
+    return point >= old && p->weld == point && !kept[point] && p->parent[0] < old && p->parent[1] < old;
+}
+
+static int dgfemi_skin_merged(int *into, int point) {
+    while (into[point] != point) point = into[point] = into[into[point]];
+    return point;
+}
+
+/* Fills into[points]: the point that each is merged with. */
+static void dgfemi_skin_merge_points(const dgfemi_skin_cutter *c, const char *kept, int *into) {
+    dgfem_real spacing = DGFEM_SKIN_WALL_SPACING * dgfemi_skin_mean_radius(c->body->mesh);
+    for (int i = 0; i < c->point_count; i++) into[i] = i;
+    for (int i = 0; i < 3 * c->part_count; i++) {
+        int a = c->parts[i / 3].corner[i % 3], b = c->parts[i / 3].corner[(i + 1) % 3];
+        if (!c->parts[i / 3].wall || dgfemi_skin_sign(c, a) || dgfemi_skin_sign(c, b)) continue;
+        a = dgfemi_skin_merged(into, a), b = dgfemi_skin_merged(into, b);
+        if (c->points[a].weld == c->points[b].weld) continue;
+        if (!(dgfemi_distance(dgfemi_skin_world(c, a), dgfemi_skin_world(c, b)) < spacing)) continue;
+        if (dgfemi_skin_is_free(c, kept, b)) into[b] = a;
+        else if (dgfemi_skin_is_free(c, kept, a)) into[a] = b;
+    }
+}
+
+/* Drops the parts of which merging has left nothing; a triangle's place goes to another part of it. */
+static void dgfemi_skin_drop_parts(dgfemi_skin_cutter *c) {
+    int kept = 0;
+    for (int i = c->skin->triangle_count; i < c->part_count; i++) {
+        dgfemi_skin_part *part = &c->parts[i];
+        if (part->of == DGFEM_NONE || c->parts[part->of].of != DGFEM_NONE) continue;
+        c->parts[part->of] = *part;
+        part->of = DGFEM_NONE;
+    }
+    for (int i = 0; i < c->part_count; i++)
+        if (c->parts[i].of != DGFEM_NONE) c->parts[kept++] = c->parts[i];
+    c->part_count = kept;
+}
+
+/* 1 on success. */
+static int dgfemi_skin_merge_short_edges(dgfemi_skin_cutter *c) {
+    int *into = (int *)dgfemi_allocate(c->hooks, (size_t)c->point_count, sizeof(int));
+    char *kept = (char *)dgfemi_allocate_zero(c->hooks, (size_t)c->point_count, 1);
+    int ok = into && kept;
+    for (int i = c->skin->vertex_count; ok && i < c->point_count; i++) {
+        if (c->points[i].weld != i) kept[c->points[i].weld] = 1;
+        for (int k = 0; k < 2; k++) kept[c->points[i].parent[k]] = 1;
+    }
+    if (ok) dgfemi_skin_merge_points(c, kept, into);
+    for (int i = 0; ok && i < c->part_count; i++) {
+        int *corner = c->parts[i].corner;
+        for (int k = 0; k < 3; k++) corner[k] = dgfemi_skin_merged(into, corner[k]);
+        if (corner[0] == corner[1] || corner[1] == corner[2] || corner[2] == corner[0]) c->parts[i].of = DGFEM_NONE;
+    }
+    if (ok) dgfemi_skin_drop_parts(c);
+    for (int i = 0; ok && i < c->part_count; i++) c->parts[i].side = dgfemi_skin_side(c, c->parts[i].corner);
+    dgfemi_free(c->hooks, into);
+    dgfemi_free(c->hooks, kept);
+    return ok;
 }
 
 /* ---- the slit ---- */
@@ -19049,6 +22865,112 @@ static int dgfemi_skin_is_separated(const dgfemi_skin_cutter *c, const dgfemi_sk
     return weld->flags & DGFEMI_SLIT || dgfemi_blade_covers(c->blade, weld->world);
 }
 
+/* ==== skin_layer.c ================================================================================================ */
+
+/* What a blade meets of a body, in layers: elements that the blade's plane crosses and that hang together through glued
+   faces. Flaps and pieces may overlap in the world, and several layers lie at one place; each has cross-sections of its
+   own. */
+
+/* Whether the plane meets the image of the element's sphere. */
+static int dgfemi_skin_meets(const dgfem_body *body, const dgfemi_blade *blade, int element) {
+    const dgfem_element *e = &body->mesh->elements[element];
+    dgfem_mat3 f = dgfemi_gradient(body, element, e->centre);
+    dgfem_vec3 centre = dgfemi_add(e->centre, dgfemi_evaluate(body, body->displacement, element, e->centre));
+    dgfem_vec3 normal = dgfemi_vec3(dgfemi_dot(dgfemi_column(&f, 0), blade->normal),
+                                    dgfemi_dot(dgfemi_column(&f, 1), blade->normal),
+                                    dgfemi_dot(dgfemi_column(&f, 2), blade->normal));
+    return dgfemi_abs(dgfemi_blade_distance(blade, centre)) <= e->radius * dgfemi_norm(normal);
+}
+
+/* Gives all elements that hang together with `first` and wait for it (their layer is `waiting`) its layer. */
+static void dgfemi_skin_flood_layer(dgfemi_skin_cutter *c, int first, int waiting, int *stack) {
+    const dgfem_mesh *mesh = c->before->mesh;
+    int count = 0;
+    stack[count++] = first, c->layer[first] = c->layer_count;
+    while (count > 0) {
+        int element = stack[--count];
+        const dgfem_element *e = &mesh->elements[element];
+        for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+            const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+            int other = face->element[face->element[0] == element];
+            if (other == DGFEM_NONE || face->cut || c->layer[other] != waiting) continue;
+            c->layer[other] = c->layer_count;
+            stack[count++] = other;
+        }
+    }
+    c->layer_count++;
+}
+
+/* Fills c->layer. 1 on success. */
+static int dgfemi_skin_find_layers(dgfemi_skin_cutter *c) {
+    int count = c->before->mesh->element_count, waiting = count;
+    int *stack = (int *)dgfemi_allocate(c->hooks, (size_t)count, sizeof(int));
+    c->layer = (int *)dgfemi_allocate(c->hooks, (size_t)count, sizeof(int));
+    for (int e = 0; c->layer && e < count; e++)
+        c->layer[e] = dgfemi_skin_meets(c->before, c->blade, e) ? waiting : DGFEM_NONE;
+    for (int e = 0; stack && c->layer && e < count; e++)
+        if (c->layer[e] == waiting) dgfemi_skin_flood_layer(c, e, waiting, stack);
+    dgfemi_free(c->hooks, stack);
+    return stack && c->layer;
+}
+
+/* Inverts an element's map by Newton's method: the material point that it takes to x. */
+static dgfem_vec3 dgfemi_skin_invert(const dgfem_body *body, int element, dgfem_vec3 x) {
+    dgfem_vec3 rest = body->mesh->elements[element].centre;
+    for (int step = 0; step < (body->degree[element] == 1 ? 1 : 12); step++) {
+        dgfem_mat3 f = dgfemi_gradient(body, element, rest);
+        dgfem_vec3 c0 = dgfemi_column(&f, 0), c1 = dgfemi_column(&f, 1), c2 = dgfemi_column(&f, 2);
+        dgfem_vec3 r = dgfemi_sub(x, dgfemi_add(rest, dgfemi_evaluate(body, body->displacement, element, rest)));
+        dgfem_real determinant = dgfemi_determinant(&f);
+        if (!(dgfemi_abs(determinant) > 0)) break;
+        rest = dgfemi_add(rest, dgfemi_scale(1 / determinant, /* Cramer's rule */
+                                             dgfemi_vec3(dgfemi_dot(r, dgfemi_cross(c1, c2)),
+                                                         dgfemi_dot(c0, dgfemi_cross(r, c2)),
+                                                         dgfemi_dot(c0, dgfemi_cross(c1, r)))));
+    }
+    return rest;
+}
+
+/* The material point of a layer that is now at x, or which comes nearest to an element that would be; DGFEM_NONE: of all
+   layers. Returns how far it lies outside its element, in radii of it. */
+static dgfem_real dgfemi_skin_rest_of(const dgfemi_skin_cutter *c, dgfem_vec3 x, int layer, dgfem_vec3 *out) {
+    const dgfem_mesh *mesh = c->before->mesh;
+    dgfem_real smallest = -1;
+    *out = x;
+    for (int e = 0; e < mesh->element_count; e++) {
+        dgfem_vec3 rest;
+        dgfem_real distance;
+        if (layer == DGFEM_NONE ? c->layer[e] == DGFEM_NONE : c->layer[e] != layer) continue;
+        rest = dgfemi_skin_invert(c->before, e, x);
+        distance = dgfemi_distance(rest, mesh->elements[e].centre) / mesh->elements[e].radius;
+        if (!(distance >= 0) || (smallest >= 0 && distance > smallest && distance > 1)) continue;
+        if (distance <= 1) distance = dgfemi_locate_in(mesh, e, rest).distance / mesh->elements[e].radius;
+        if (smallest < 0 || distance < smallest) smallest = distance, *out = rest;
+    }
+    return smallest;
+}
+
+/* Gives the points of the cross-section, which segments join to chains, the layer that most of a chain's points are in:
+   here and there a point is carried by an element across an earlier cut. 1 on success. */
+static int dgfemi_skin_find_cap_layers(dgfemi_skin_cutter *c) {
+    int *root = (int *)dgfemi_allocate(c->hooks, (size_t)c->cap_count, sizeof(int));
+    int *votes = (int *)dgfemi_allocate_zero(c->hooks, (size_t)c->cap_count, sizeof(int));
+    int ok = root && votes;
+    for (int i = 0; ok && i < c->cap_count; i++) root[i] = i, c->caps[i].layer = DGFEM_NONE;
+    for (int i = 0; ok && i < c->segments.count; i++)
+        root[dgfemi_corner_root(root, c->segments.data[i].from)] = dgfemi_corner_root(root, c->segments.data[i].to);
+    for (int i = 0; ok && i < c->cap_count; i++) { /* the majority's vote, by Boyer and Moore */
+        int r = dgfemi_corner_root(root, i), vote = c->layer[c->caps[i].element];
+        if (vote == DGFEM_NONE) continue;
+        if (votes[r] == 0) c->caps[r].layer = vote;
+        votes[r] += c->caps[r].layer == vote ? 1 : -1;
+    }
+    for (int i = 0; ok && i < c->cap_count; i++) c->caps[i].layer = c->caps[dgfemi_corner_root(root, i)].layer;
+    dgfemi_free(c->hooks, root);
+    dgfemi_free(c->hooks, votes);
+    return ok;
+}
+
 /* ==== skin_cap.c ================================================================================================== */
 
 /* Second part of cutting a render mesh: the cross-section. The slit's edges, closed along the polygon's boundary, are
@@ -19058,13 +22980,15 @@ static int dgfemi_skin_is_separated(const dgfemi_skin_cutter *c, const dgfemi_sk
 
 /* A point of the cross-section: at a weld, or with weld DGFEM_NONE between two others or by itself. DGFEM_NONE when out
    of memory. */
-static int dgfemi_skin_add_cap(dgfemi_skin_cutter *c, int weld, int a, int b, dgfem_vec3 world, dgfem_vec3 rest) {
+static int dgfemi_skin_add_cap(dgfemi_skin_cutter *c, int weld, int a, int b, dgfem_vec3 world, dgfem_vec3 rest,
+                               int element, int layer) {
     void *grown = dgfemi_one_more(c->hooks, c->caps, c->cap_count, &c->cap_capacity, sizeof *c->caps);
     dgfemi_cap_point *cap;
     if (!grown) return DGFEM_NONE;
     c->caps = (dgfemi_cap_point *)grown;
     cap = &c->caps[c->cap_count];
     cap->weld = weld, cap->parent[0] = a, cap->parent[1] = b;
+    cap->element = element, cap->layer = layer;
     cap->world = world, cap->rest = rest;
     cap->out[0] = cap->out[1] = DGFEM_NONE;
     return c->cap_count++;
@@ -19072,7 +22996,8 @@ static int dgfemi_skin_add_cap(dgfemi_skin_cutter *c, int weld, int a, int b, dg
 
 static int dgfemi_skin_cap_at(dgfemi_skin_cutter *c, int weld) {
     dgfemi_skin_point *p = &c->points[weld];
-    if (p->cap == DGFEM_NONE) p->cap = dgfemi_skin_add_cap(c, weld, DGFEM_NONE, DGFEM_NONE, p->world, p->rest);
+    if (p->cap == DGFEM_NONE)
+        p->cap = dgfemi_skin_add_cap(c, weld, DGFEM_NONE, DGFEM_NONE, p->world, p->rest, p->element, DGFEM_NONE);
     return p->cap;
 }
 
@@ -19089,43 +23014,17 @@ static int dgfemi_skin_find_segments(dgfemi_skin_cutter *c) {
     return 1;
 }
 
-static int dgfemi_skin_wind(const dgfemi_blade *blade, dgfem_vec3 from, dgfem_vec3 to, const double *q) {
-    double a[2], b[2];
-    dgfemi_blade_project(blade, from, a), dgfemi_blade_project(blade, to, b);
-    return dgfemi_edge_winding(a, b, q);
-}
-
-/* How often the whole cross-section, slit or not, winds round a point of the plane: 0 outside the body. */
-static int dgfemi_skin_section_winding(const dgfemi_skin_cutter *c, dgfem_vec3 x) {
-    double q[2];
-    int winding = 0;
-    dgfemi_blade_project(c->blade, x, q);
-    for (int i = 0; i < c->part_count; i++) {
-        const dgfemi_skin_part *part = &c->parts[i];
-        int v[3], a, b;
-        dgfem_vec3 from, to;
-        for (int k = 0; part->side == DGFEMI_ABOVE && k < 3; k++)
-            if (dgfemi_skin_part_edge(c, part, k, &a, &b) && dgfemi_skin_plane_edge(c, a, b)->flags & DGFEMI_BELOW)
-                winding += dgfemi_skin_wind(c->blade, c->points[a].world, c->points[b].world, q);
-        if (!dgfemi_skin_turn(c, part->corner, v)) continue;
-        dgfemi_skin_chord(c, v, &from, &to); /* with v[0], or else v[2], on its left */
-        if (dgfemi_skin_sign(c, dgfemi_skin_sign(c, v[0]) ? v[0] : v[2]) > 0)
-            winding += dgfemi_skin_wind(c->blade, from, to, q);
-        else winding += dgfemi_skin_wind(c->blade, to, from, q);
-    }
-    return winding;
-}
-
 /* ---- the polygon's boundary inside the body ---- */
 
 /* Where the slit leaves the polygon (1) or enters it (-1): along its boundary, edge + fraction, counter-clockwise. */
 typedef struct dgfemi_tip {
     double at;
-    int cap, leaves;
+    int cap, leaves, layer;
 } dgfemi_tip;
 
 static int dgfemi_compare_tips(const void *a, const void *b) {
     const dgfemi_tip *s = (const dgfemi_tip *)a, *t = (const dgfemi_tip *)b;
+    if (s->layer != t->layer) return s->layer < t->layer ? -1 : 1;
     if (s->at != t->at) return s->at < t->at ? -1 : 1;
     if (s->leaves != t->leaves) return s->leaves - t->leaves;
     return (s->cap > t->cap) - (s->cap < t->cap);
@@ -19159,57 +23058,32 @@ static double dgfemi_blade_place(const dgfemi_blade *blade, int clockwise, dgfem
     return at;
 }
 
-/* The material point now at x: of all elements' maps, inverted by Newton's method, that of the element it comes nearest
-   to. */
-static dgfem_vec3 dgfemi_skin_rest_of(const dgfem_body *body, dgfem_vec3 x) {
-    const dgfem_mesh *mesh = body->mesh;
-    dgfem_vec3 best = x;
-    dgfem_real smallest = -1;
-    for (int e = 0; e < mesh->element_count; e++) {
-        dgfem_vec3 rest = mesh->elements[e].centre, gradients[DGFEM_MAX_BASIS];
-        dgfem_real distance;
-        for (int step = 0; step < 12; step++) {
-            dgfem_vec3 r = dgfemi_sub(x, dgfemi_add(rest, dgfemi_evaluate(body, body->displacement, e, rest))), c0, c1,
-                       c2;
-            dgfem_mat3 f = dgfemi_identity();
-            dgfem_real determinant;
-            dgfemi_basis_gradients(body->degree[e], body->origin[e], body->scale[e], rest, gradients);
-            for (int i = 1; i < body->basis_start[e + 1] - body->basis_start[e]; i++)
-                dgfemi_add_outer(&f, 1, body->displacement[body->basis_start[e] + i], gradients[i]);
-            determinant = dgfemi_determinant(&f);
-            if (!(dgfemi_abs(determinant) > 0)) break;
-            c0 = dgfemi_column(&f, 0), c1 = dgfemi_column(&f, 1), c2 = dgfemi_column(&f, 2); /* Cramer's rule */
-            rest = dgfemi_add(rest, dgfemi_scale(1 / determinant, dgfemi_vec3(dgfemi_dot(r, dgfemi_cross(c1, c2)),
-                                                                              dgfemi_dot(c0, dgfemi_cross(r, c2)),
-                                                                              dgfemi_dot(c0, dgfemi_cross(c1, r)))));
-            if (body->degree[e] == 1) break;
-        }
-        distance = dgfemi_distance(rest, mesh->elements[e].centre) / mesh->elements[e].radius;
-        if (!(distance >= 0) || (smallest >= 0 && distance > smallest && distance > 1)) continue;
-        if (distance <= 1) distance = dgfemi_locate_in(mesh, e, rest).distance / mesh->elements[e].radius;
-        if (smallest < 0 || distance < smallest) smallest = distance, best = rest;
-    }
-    return best;
-}
+/* A corner of the polygon that lies farther than this outside every element of a layer, in radii, is left out: there the
+   slit does not close, and the polygon may be as large as it likes. */
+#define DGFEM_CORNER_REACH DGFEM_R(0.25)
 
-/* Appends segments along the polygon's boundary from a cap point past corners first .. last to another. */
-static int dgfemi_skin_follow_polygon(dgfemi_skin_cutter *c, int from, int to, int first, int last, int clockwise) {
-    for (int i = first; i <= last; i++) {
-        dgfem_vec3 x = dgfemi_blade_corner(c->blade, clockwise, i);
-        int cap = dgfemi_skin_add_cap(c, DGFEM_NONE, DGFEM_NONE, DGFEM_NONE, x, dgfemi_skin_rest_of(c->body, x));
+/* Appends segments along the polygon's boundary from a cap point past corners first, first + step, .. to another;
+   without these two, a whole round. `element`: any of the layer. 1 on success. */
+static int dgfemi_skin_follow_polygon(dgfemi_skin_cutter *c, int from, int to, int first, int corners, int step,
+                                      int layer, int element) {
+    int clockwise = dgfemi_blade_is_clockwise(c->blade);
+    for (int i = 0; i < corners; i++) {
+        dgfem_vec3 x = dgfemi_blade_corner(c->blade, clockwise, first + i * step), rest;
+        int cap;
+        if (dgfemi_skin_rest_of(c, x, layer, &rest) > DGFEM_CORNER_REACH) continue;
+        cap = dgfemi_skin_add_cap(c, DGFEM_NONE, DGFEM_NONE, DGFEM_NONE, x, rest, element, layer);
         if (cap == DGFEM_NONE || (from != DGFEM_NONE && !dgfemi_segment_push(c->hooks, &c->segments, from, cap)))
             return 0;
-        if (from == DGFEM_NONE) to = cap; /* a whole round */
+        if (from == DGFEM_NONE) to = cap;
         from = cap;
     }
-    return dgfemi_segment_push(c->hooks, &c->segments, from, to);
+    return from == to || dgfemi_segment_push(c->hooks, &c->segments, from, to);
 }
 
-/* Tips in the order in which the polygon's boundary leaves the body (where the slit enters the polygon) and enters it
-   by turns. Some share a place, as where it crosses both walls of an earlier slit: there the turns decide. The second round knows which turn it is at the first tip. */
+/* Tips of one layer in the order in which the polygon's boundary leaves it (where the slit enters the polygon) and
+   enters it by turns. Some share a place, as where it crosses both walls of an earlier slit: there the turns decide. The
+   second round knows which turn it is at the first tip. */
 static void dgfemi_order_tips(dgfemi_tip *tips, int count) {
-    for (int i = 0; i < count; i++) tips[i].at = floor(tips[i].at * 1e6) / 1e6;
-    qsort(tips, (size_t)count, sizeof *tips, dgfemi_compare_tips);
     for (int round = 0; round < 2; round++)
         for (int i = 0; i + 1 < count; i++) {
             dgfemi_tip swap = tips[i];
@@ -19219,29 +23093,95 @@ static void dgfemi_order_tips(dgfemi_tip *tips, int count) {
         }
 }
 
-/* Joins each place where the slit leaves the polygon with the next one where it enters. Where it never does, the whole
-   polygon lies inside the body or outside. tips is room for one per cap point. 1 on success. */
-static int dgfemi_skin_close_along_polygon(dgfemi_skin_cutter *c, dgfemi_tip *tips) {
-    int clockwise = dgfemi_blade_is_clockwise(c->blade), corners = c->blade->polygon_count, count = 0;
-    for (int i = 0; i < c->cap_count; i++) tips[i].cap = i, tips[i].leaves = 0;
-    for (int i = 0; i < c->segments.count; i++)
-        tips[c->segments.data[i].to].leaves++, tips[c->segments.data[i].from].leaves--;
-    for (int i = 0; i < c->cap_count; i++) {
-        if (tips[i].leaves != 1 && tips[i].leaves != -1) continue;
-        tips[count] = tips[i];
-        tips[count++].at = dgfemi_blade_place(c->blade, clockwise, c->caps[i].world);
-    }
-    if (count == 0)
-        return dgfemi_skin_section_winding(c, c->blade->polygon[0]) <= 0 ||
-               dgfemi_skin_follow_polygon(c, DGFEM_NONE, DGFEM_NONE, 0, corners - 1, clockwise);
-    dgfemi_order_tips(tips, count);
+/* Whether the first corner of the polygon lies in the layer (1) or not (0), as the tips tell: the boundary is inside once
+   between places where it enters and leaves, else outside, but for short stretches. */
+static int dgfemi_skin_starts_inside(const dgfemi_tip *tips, int count, int corners) {
+    double wrong[2] = {0, 0}, at = tips[count - 1].at - corners;
+    int level = 0;
     for (int i = 0; i < count; i++) {
-        const dgfemi_tip *tip = &tips[i], *next = &tips[(i + 1) % count];
-        int last = (int)next->at + (next->at < tip->at && i + 1 == count ? corners : 0);
-        if (tip->leaves != 1 || next->leaves != -1) continue;
-        if (!dgfemi_skin_follow_polygon(c, tip->cap, next->cap, (int)tip->at + 1, last, clockwise)) return 0;
+        wrong[0] += level < 0 || level > 1 ? tips[i].at - at : 0;
+        wrong[1] += level < -1 || level > 0 ? tips[i].at - at : 0;
+        level += tips[i].leaves, at = tips[i].at;
+    }
+    return wrong[1] < wrong[0];
+}
+
+/* Joins each place where the slit leaves the polygon with one where it enters it again. Along the boundary, from a place
+   outside the layer, these are nested like brackets: between them it runs inside, or, where flaps overlap in the world
+   or are turned inside out, inside several times or minus once. open: room for `count` tips. 1 on success. */
+static int dgfemi_skin_join_tips(dgfemi_skin_cutter *c, const dgfemi_tip *tips, int count, const dgfemi_tip **open) {
+    int corners = c->blade->polygon_count, depth = 0, first = 0;
+    int winding = dgfemi_skin_starts_inside(tips, count, corners);
+    for (int i = 0; i < count && winding != 0; i++) {
+        winding += tips[i].leaves;
+        first = i + 1;
+    }
+    for (int i = first; i < first + count; i++) {
+        const dgfemi_tip *tip = &tips[i % count], *last = depth > 0 ? open[depth - 1] : NULL;
+        int ahead, between;
+        if (!last || last->leaves == tip->leaves) {
+            open[depth++] = tip;
+            continue;
+        }
+        depth--;
+        ahead = last->leaves == 1; /* the way goes from where the slit leaves the polygon */
+        between = (int)tip->at - (int)last->at + (tip < last ? corners : 0);
+        if (!dgfemi_skin_follow_polygon(c, ahead ? last->cap : tip->cap, ahead ? tip->cap : last->cap,
+                                        ahead ? (int)last->at + 1 : (int)tip->at + corners, between, ahead ? 1 : -1,
+                                        tip->layer, c->caps[tip->cap].element))
+            return 0;
     }
     return 1;
+}
+
+/* Fills tips, by layer and along the polygon; a place where the slit leaves it several times has as many. tips is room
+   for two per segment, balance for one number per cap point. Returns their number. */
+static int dgfemi_skin_find_tips(const dgfemi_skin_cutter *c, int *balance, dgfemi_tip *tips) {
+    int clockwise = dgfemi_blade_is_clockwise(c->blade), count = 0;
+    memset(balance, 0, (size_t)c->cap_count * sizeof(int));
+    for (int i = 0; i < c->segments.count; i++)
+        balance[c->segments.data[i].to]++, balance[c->segments.data[i].from]--;
+    for (int i = 0; i < c->cap_count; i++) {
+        dgfemi_tip tip;
+        if (balance[i] == 0) continue;
+        tip.cap = i, tip.layer = c->caps[i].layer, tip.leaves = balance[i] > 0 ? 1 : -1;
+        tip.at = floor(dgfemi_blade_place(c->blade, clockwise, c->caps[i].world) * 1e6) / 1e6;
+        for (int k = 0; k < balance[i] * tip.leaves; k++) tips[count++] = tip;
+    }
+    qsort(tips, (size_t)count, sizeof *tips, dgfemi_compare_tips);
+    return count;
+}
+
+/* Where the polygon's boundary never meets the skin of a layer, the whole polygon lies inside or outside. met [layers]:
+   1 for the others. 1 on success. */
+static int dgfemi_skin_add_whole_polygons(dgfemi_skin_cutter *c, const char *met) {
+    for (int e = 0, next = 0; e < c->before->mesh->element_count; e++) {
+        dgfem_vec3 rest;
+        if (c->layer[e] != next) continue; /* layers are numbered in the order of their first elements */
+        if (!met[next] && dgfemi_skin_rest_of(c, c->blade->polygon[0], next, &rest) <= DGFEM_R(1e-6) &&
+            !dgfemi_skin_follow_polygon(c, DGFEM_NONE, DGFEM_NONE, 0, c->blade->polygon_count, 1, next, e))
+            return 0;
+        next++;
+    }
+    return 1;
+}
+
+/* Closes the slit along the polygon's boundary, inside each layer. 1 on success. */
+static int dgfemi_skin_close_along_polygon(dgfemi_skin_cutter *c, dgfemi_arena *arena) {
+    size_t tip_room = 2 * (size_t)c->segments.count;
+    int *balance = (int *)dgfemi_arena_allocate(arena, (size_t)c->cap_count, sizeof *balance), count, end;
+    char *met = (char *)dgfemi_arena_allocate_zero(arena, (size_t)c->layer_count, 1);
+    dgfemi_tip *tips = (dgfemi_tip *)dgfemi_arena_allocate(arena, tip_room, sizeof *tips);
+    const dgfemi_tip **open = (const dgfemi_tip **)dgfemi_arena_allocate(arena, tip_room, sizeof *open);
+    if (!balance || !met || !tips || !open) return 0;
+    count = dgfemi_skin_find_tips(c, balance, tips);
+    for (int first = 0; first < count; first = end) {
+        for (end = first + 1; end < count && tips[end].layer == tips[first].layer;) end++;
+        if (tips[first].layer != DGFEM_NONE) met[tips[first].layer] = 1;
+        dgfemi_order_tips(tips + first, end - first);
+        if (!dgfemi_skin_join_tips(c, tips + first, end - first, open)) return 0;
+    }
+    return dgfemi_skin_add_whole_polygons(c, met);
 }
 
 /* Drops chains of segments that do not close: the skin has a border there. degree: two numbers for each cap point. */
@@ -19312,6 +23252,10 @@ static int dgfemi_skin_triangulate(dgfemi_skin_cutter *c, dgfemi_arena *arena) {
     for (int i = 0; i < c->cap_count; i++) flat.vertices[i] = c->caps[i].world;
     flat.vertex_count = c->cap_count;
     joiner.mesh = &flat;
+    joiner.label = (int *)dgfemi_arena_allocate(arena, (size_t)c->cap_count, sizeof(int));
+    if (!joiner.label) return 0;
+    for (int i = 0; i < c->cap_count; i++) joiner.label[i] = c->caps[i].layer;
+    joiner.drop_open = 1;
     dgfemi_projection_axes(c->blade->normal, &joiner.axis_u, &joiner.axis_v);
     status = dgfemi_join_loops(&joiner, &c->segments);
     if (status == DGFEM_OK) status = dgfemi_join_regions(&joiner);
@@ -19327,6 +23271,8 @@ static int dgfemi_skin_triangulate(dgfemi_skin_cutter *c, dgfemi_arena *arena) {
    they are shorter than the edges of the boundary next to them. */
 #define DGFEM_WALL_SPACING DGFEM_R(1.5)
 #define DGFEM_WALL_ROUNDS 16
+/* More points than this for each element, which a cross-section does not need, a slit that does not close may ask. */
+#define DGFEM_WALL_POINTS 8
 
 /* c->cap_triangles with neighbours: across the edge from corner k to the next one lies edge neighbour[3 t + k], written
    3 * triangle + corner, of the triangle there; DGFEM_NONE at the boundary. */
@@ -19452,7 +23398,8 @@ static int dgfemi_wall_divide(dgfemi_wall_mesh *w, int edge) {
         outer_s = w->neighbour.data[s2], t[6];
     m = dgfemi_skin_add_cap(c, DGFEM_NONE, a, b,
                             dgfemi_scale(DGFEM_R(0.5), dgfemi_add(c->caps[a].world, c->caps[b].world)),
-                            dgfemi_scale(DGFEM_R(0.5), dgfemi_add(c->caps[a].rest, c->caps[b].rest)));
+                            dgfemi_scale(DGFEM_R(0.5), dgfemi_add(c->caps[a].rest, c->caps[b].rest)),
+                            c->caps[a].element, c->caps[a].layer);
     if (m == DGFEM_NONE) return 0;
     if (m >= w->flat_capacity) {
         void *grown = dgfemi_grow(c->hooks, w->flat, &w->flat_capacity, m + 1, sizeof *w->flat);
@@ -19475,17 +23422,11 @@ static int dgfemi_wall_divide(dgfemi_wall_mesh *w, int edge) {
     return 1;
 }
 
-static dgfem_real dgfemi_skin_mean_radius(const dgfem_mesh *mesh) {
-    dgfem_real sum = 0;
-    for (int e = 0; e < mesh->element_count; e++) sum += mesh->elements[e].radius;
-    return sum / (dgfem_real)(mesh->element_count > 0 ? mesh->element_count : 1);
-}
-
 /* Points inside large walls, so that they can bend. 1 on success. */
 static int dgfemi_skin_refine_caps(dgfemi_skin_cutter *c) {
     dgfem_real spacing = DGFEM_WALL_SPACING * dgfemi_skin_mean_radius(c->body->mesh);
     dgfemi_wall_mesh w;
-    int ok;
+    int ok, most = c->cap_count + DGFEM_WALL_POINTS * c->body->mesh->element_count;
     memset(&w, 0, sizeof w);
     w.cutter = c;
     w.flat_capacity = c->cap_count;
@@ -19496,7 +23437,7 @@ static int dgfemi_skin_refine_caps(dgfemi_skin_cutter *c) {
     for (int round = 0; ok && round < DGFEM_WALL_ROUNDS; round++) {
         int count = c->cap_triangles.count, divided = 0;
         dgfemi_wall_flip_all(&w);
-        for (int i = 0; ok && i < count; i++) {
+        for (int i = 0; ok && i < count && c->cap_count < most; i++) {
             if (w.neighbour.data[i] == DGFEM_NONE || !dgfemi_wall_is_long(&w, i, spacing)) continue;
             ok = dgfemi_wall_divide(&w, i);
             divided = 1;
@@ -19511,11 +23452,8 @@ static int dgfemi_skin_refine_caps(dgfemi_skin_cutter *c) {
 /* The triangles of the cross-section inside the blade. 1 on success. */
 static int dgfemi_skin_find_caps(dgfemi_skin_cutter *c) {
     dgfemi_arena arena = dgfemi_arena_make(c->hooks);
-    int ok = dgfemi_skin_find_segments(c);
-    if (ok && c->blade->polygon) {
-        dgfemi_tip *tips = (dgfemi_tip *)dgfemi_arena_allocate(&arena, (size_t)c->cap_count, sizeof *tips);
-        ok = tips && dgfemi_skin_close_along_polygon(c, tips);
-    }
+    int ok = dgfemi_skin_find_segments(c) && dgfemi_skin_find_cap_layers(c);
+    if (ok && c->blade->polygon) ok = dgfemi_skin_close_along_polygon(c, &arena);
     if (ok && c->segments.count > 0) {
         int *degree = (int *)dgfemi_arena_allocate(&arena, 2 * (size_t)c->cap_count, sizeof(int));
         ok = degree != NULL;
@@ -19533,13 +23471,13 @@ static int dgfemi_skin_find_caps(dgfemi_skin_cutter *c) {
 /* ---- vertices of the result ---- */
 
 static int dgfemi_skin_add_vertex(dgfemi_skin_cutter *c, dgfem_vec3 rest, dgfem_vec3 anchor, dgfem_vec3 world, int a,
-                                  int b, dgfem_real weight, int side) {
+                                  int b, dgfem_real weight, int side, int element) {
     void *grown = dgfemi_one_more(c->hooks, c->vertices, c->vertex_count, &c->vertex_capacity, sizeof *c->vertices);
     dgfemi_skin_vertex *v;
     if (!grown) return DGFEM_NONE;
     c->vertices = (dgfemi_skin_vertex *)grown;
     v = &c->vertices[c->vertex_count];
-    v->rest = rest, v->anchor = anchor, v->world = world, v->side = side, v->slit = 0;
+    v->rest = rest, v->anchor = anchor, v->world = world, v->side = side, v->slit = 0, v->element = element;
     v->parent[0] = a, v->parent[1] = b, v->weight = weight, v->weld = c->vertex_count;
     return c->vertex_count++;
 }
@@ -19558,9 +23496,9 @@ static int dgfemi_skin_vertex_of(dgfemi_skin_cutter *c, int point, int s) {
     if (separated || side == 0) side = weld->flags & (s ? DGFEMI_BELOW : DGFEMI_ABOVE) && !separated ? 0 : s ? 1 : -1;
     if (point >= c->skin->vertex_count)
         v = dgfemi_skin_add_vertex(c, p->rest, p->anchor, p->world, dgfemi_skin_first_out(c, p->parent[0]),
-                                   dgfemi_skin_first_out(c, p->parent[1]), p->t, side);
+                                   dgfemi_skin_first_out(c, p->parent[1]), p->t, side, p->element);
     else if (p->out[1 - s] != DGFEM_NONE)
-        v = dgfemi_skin_add_vertex(c, p->rest, p->anchor, p->world, point, point, 0, side);
+        v = dgfemi_skin_add_vertex(c, p->rest, p->anchor, p->world, point, point, 0, side, p->element);
     if (v == DGFEM_NONE) return DGFEM_NONE;
     c->vertices[v].side = side, c->vertices[v].slit = separated;
     p->out[s] = v;
@@ -19575,7 +23513,7 @@ static int dgfemi_skin_make_vertices(dgfemi_skin_cutter *c) {
     int old = c->skin->vertex_count;
     for (int v = 0; v < old; v++)
         if (dgfemi_skin_add_vertex(c, c->points[v].rest, c->points[v].anchor, c->points[v].world, DGFEM_NONE,
-                                   DGFEM_NONE, 0, dgfemi_skin_sign(c, v)) == DGFEM_NONE)
+                                   DGFEM_NONE, 0, dgfemi_skin_sign(c, v), c->points[v].element) == DGFEM_NONE)
             return 0;
     for (int pass = 0; pass < 2; pass++)
         for (int i = 0; i < 3 * c->part_count; i++) {
@@ -19609,7 +23547,7 @@ static int dgfemi_skin_wall_vertex(dgfemi_skin_cutter *c, int cap, int s) {
         side = 0, weld = p->out[1 - s];
     }
     v = dgfemi_skin_add_vertex(c, p->rest, anchor, p->world, a, b, p->weld == DGFEM_NONE && a != b ? DGFEM_R(0.5) : 0,
-                               side);
+                               side, p->element);
     if (v == DGFEM_NONE) return DGFEM_NONE;
     if (weld != DGFEM_NONE) c->vertices[v].weld = weld;
     c->vertices[v].slit = side != 0;
@@ -19747,8 +23685,179 @@ static void dgfemi_skin_place(dgfemi_skin_cutter *c, dgfemi_locator *locator, dg
     }
 }
 
-/* 1 on success, 0 when out of memory. */
-static int dgfemi_skin_find_places(dgfemi_arena *arena, dgfemi_skin_cutter *c, dgfemi_places *places) {
+/* ---- triangles across a cut ---- */
+
+/* A corner that is to be carried by another element. */
+typedef struct dgfemi_skin_tear {
+    int corner, vertex, copy; /* place in the triangles; the vertex there; what it becomes */
+    dgfemi_location location;
+} dgfemi_skin_tear;
+
+/* The blade cuts elements and triangles each by themselves; where a body is cut again and again as it moves, slits of the
+   two may end a little beside each other, and a triangle is left whose corners are carried by elements that nothing
+   holds together any more. It would be drawn out without end: instead its corners in the minority move to the others'
+   side. A vertex of which all triangles ask for it moves, of any other a copy does. */
+typedef struct dgfemi_skin_tearer {
+    dgfemi_skin_cutter *cutter;
+    const dgfemi_locator *locator;
+    dgfemi_places *places;
+    char *at_cut; /* [elements] 1: has a cut face */
+    int *group;   /* [elements] search that met it last */
+    int *queue;   /* [elements] */
+    int stamp;
+    dgfemi_skin_tear *tears;
+    int tear_count, tear_capacity;
+} dgfemi_skin_tearer;
+
+/* A ball around a triangle at rest and the elements that carry it: what holds its corners together is sought there. */
+static dgfem_real dgfemi_skin_ball(const dgfemi_skin_tearer *t, const int *corner, dgfem_vec3 *centre) {
+    const dgfemi_skin_cutter *c = t->cutter;
+    dgfem_real radius = 0;
+    *centre = dgfemi_vec3(0, 0, 0);
+    for (int k = 0; k < 3; k++) *centre = dgfemi_add_scaled(*centre, DGFEM_R(1) / 3, c->vertices[corner[k]].anchor);
+    for (int k = 0; k < 3; k++)
+        radius = dgfemi_max(radius, dgfemi_distance(*centre, c->vertices[corner[k]].anchor) +
+                                        2 * t->locator->mesh->elements[t->places->element[corner[k]]].radius);
+    return radius;
+}
+
+/* Marks the elements that hang together with `first` through glued faces and reach into the ball; returns their number,
+   with the elements in t->queue. */
+static int dgfemi_skin_flood_ball(dgfemi_skin_tearer *t, int first, dgfem_vec3 centre, dgfem_real radius) {
+    const dgfem_mesh *mesh = t->locator->mesh;
+    int count = 1;
+    t->queue[0] = first, t->group[first] = ++t->stamp;
+    for (int i = 0; i < count; i++) {
+        const dgfem_element *e = &mesh->elements[t->queue[i]];
+        for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+            const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+            int other = face->element[face->element[0] == t->queue[i]];
+            if (other == DGFEM_NONE || face->cut || t->group[other] == t->stamp) continue;
+            if (dgfemi_box_distance(t->locator->lower[other], t->locator->upper[other], centre) > radius) continue;
+            t->group[other] = t->stamp;
+            t->queue[count++] = other;
+        }
+    }
+    return count;
+}
+
+/* Floods from the corner whose surroundings hold most of the three. Returns the number of elements; *held: of corners. */
+static int dgfemi_skin_flood_majority(dgfemi_skin_tearer *t, const int *corner, int *held) {
+    dgfem_vec3 centre;
+    dgfem_real radius = dgfemi_skin_ball(t, corner, &centre);
+    int best = 0;
+    *held = 0;
+    for (int k = 0; k < 3; k++) {
+        int elements = dgfemi_skin_flood_ball(t, t->places->element[corner[k]], centre, radius), count = 0;
+        for (int j = 0; j < 3; j++) count += t->group[t->places->element[corner[j]]] == t->stamp;
+        if (count > *held) *held = count, best = k;
+        if (count == 3) return elements;
+    }
+    return dgfemi_skin_flood_ball(t, t->places->element[corner[best]], centre, radius);
+}
+
+/* Lists the corners of a triangle that are to move. 1 on success. */
+static int dgfemi_skin_find_tears(dgfemi_skin_tearer *t, int first) {
+    const int *corner = t->cutter->triangles.data + first;
+    int held, count = dgfemi_skin_flood_majority(t, corner, &held);
+    for (int k = 0; held < 3 && k < 3; k++) {
+        dgfem_vec3 rest = t->cutter->vertices[corner[k]].rest;
+        dgfemi_skin_tear *tear;
+        void *grown;
+        if (t->group[t->places->element[corner[k]]] == t->stamp) continue;
+        grown = dgfemi_one_more(t->cutter->hooks, t->tears, t->tear_count, &t->tear_capacity, sizeof *t->tears);
+        if (!grown) return 0;
+        t->tears = (dgfemi_skin_tear *)grown;
+        tear = &t->tears[t->tear_count++];
+        tear->corner = first + k, tear->vertex = corner[k], tear->copy = DGFEM_NONE;
+        tear->location = dgfemi_locate_in(t->locator->mesh, t->queue[0], rest);
+        for (int i = 1; i < count; i++) {
+            dgfemi_location location = dgfemi_locate_in(t->locator->mesh, t->queue[i], rest);
+            if (location.distance < tear->location.distance) tear->location = location;
+        }
+    }
+    return 1;
+}
+
+static int dgfemi_compare_tears(const void *a, const void *b) {
+    const dgfemi_skin_tear *s = (const dgfemi_skin_tear *)a, *t = (const dgfemi_skin_tear *)b;
+    if (s->vertex != t->vertex) return s->vertex < t->vertex ? -1 : 1;
+    if (s->location.element != t->location.element) return s->location.element < t->location.element ? -1 : 1;
+    return s->corner < t->corner ? -1 : s->corner > t->corner;
+}
+
+/* Fills `copy`: the vertex itself where all its triangles want it moved to one element, else one copy for each element.
+   used [vertices]: corners at each. 1 on success. */
+static int dgfemi_skin_copy_torn(dgfemi_skin_tearer *t, const int *used) {
+    dgfemi_skin_cutter *c = t->cutter;
+    if (t->tear_count > 0) qsort(t->tears, (size_t)t->tear_count, sizeof *t->tears, dgfemi_compare_tears);
+    for (int i = 0, end; i < t->tear_count; i = end) {
+        dgfemi_skin_vertex v = c->vertices[t->tears[i].vertex];
+        int vertex = t->tears[i].vertex, copy = vertex;
+        for (end = i + 1; end < t->tear_count && t->tears[end].vertex == vertex &&
+                          t->tears[end].location.element == t->tears[i].location.element;)
+            end++;
+        if (end - i < used[vertex])
+            copy = dgfemi_skin_add_vertex(c, v.rest, v.anchor, v.world, vertex, vertex, 0, v.side, v.element);
+        if (copy == DGFEM_NONE) return 0;
+        for (int k = i; k < end; k++) t->tears[k].copy = copy;
+    }
+    return 1;
+}
+
+/* 1 on success. */
+static int dgfemi_skin_apply_tears(dgfemi_skin_tearer *t, dgfemi_arena *arena, int count) {
+    dgfemi_skin_cutter *c = t->cutter;
+    const dgfem_mesh *mesh = t->locator->mesh;
+    dgfemi_places places;
+    if (!dgfemi_places_allocate(arena, c->vertex_count, &places)) return 0;
+    memcpy(places.element, t->places->element, (size_t)count * sizeof(int));
+    memcpy(places.window, t->places->window, (size_t)count * sizeof(dgfem_vec3));
+    for (int i = 0; i < t->tear_count; i++) {
+        const dgfemi_skin_tear *tear = &t->tears[i];
+        const dgfemi_location *l = &tear->location;
+        dgfemi_skin_vertex *v = &c->vertices[tear->copy];
+        v->anchor = dgfemi_add_scaled(l->nearest, DGFEM_ANCHOR_DEPTH,
+                                      dgfemi_sub(mesh->elements[l->element].centre, l->nearest));
+        places.element[tear->copy] = l->element;
+        places.window[tear->copy] = dgfemi_window_position(mesh, l, v->rest);
+        c->triangles.data[tear->corner] = tear->copy;
+    }
+    *t->places = places;
+    return 1;
+}
+
+/* Only triangles with a corner in an element at a cut can be torn. 1 on success. */
+static int dgfemi_skin_tear_triangles(dgfemi_arena *arena, dgfemi_skin_cutter *c, const dgfemi_locator *locator,
+                                      dgfemi_places *places) {
+    const dgfem_mesh *mesh = locator->mesh;
+    size_t elements = (size_t)mesh->element_count;
+    int count = c->vertex_count, ok, *used = (int *)dgfemi_arena_allocate_zero(arena, (size_t)count, sizeof(int));
+    dgfemi_skin_tearer t;
+    memset(&t, 0, sizeof t);
+    t.cutter = c, t.locator = locator, t.places = places;
+    t.at_cut = (char *)dgfemi_arena_allocate_zero(arena, elements, 1);
+    t.group = (int *)dgfemi_arena_allocate_zero(arena, elements, sizeof(int));
+    t.queue = (int *)dgfemi_arena_allocate(arena, elements, sizeof(int));
+    ok = used && t.at_cut && t.group && t.queue;
+    for (int f = 0; ok && f < mesh->face_count; f++)
+        if (mesh->faces[f].cut && mesh->faces[f].element[1] != DGFEM_NONE)
+            t.at_cut[mesh->faces[f].element[0]] = t.at_cut[mesh->faces[f].element[1]] = 1;
+    for (int i = 0; ok && i < c->triangles.count; i++) used[c->triangles.data[i]]++;
+    for (int i = 0; ok && i < c->triangles.count; i += 3) {
+        const int *corner = c->triangles.data + i;
+        int a = places->element[corner[0]], b = places->element[corner[1]], d = places->element[corner[2]];
+        if ((a == b && b == d) || !(t.at_cut[a] || t.at_cut[b] || t.at_cut[d])) continue;
+        ok = dgfemi_skin_find_tears(&t, i);
+    }
+    ok = ok && dgfemi_skin_copy_torn(&t, used) && (t.tear_count == 0 || dgfemi_skin_apply_tears(&t, arena, count));
+    dgfemi_free(c->hooks, t.tears);
+    return ok;
+}
+
+/* Places of all vertices, and their anchors. The last of several blades (`last`) leaves no triangle across a cut. 1 on
+   success, 0 when out of memory. */
+static int dgfemi_skin_find_places(dgfemi_arena *arena, dgfemi_skin_cutter *c, int last, dgfemi_places *places) {
     const dgfem_mesh *mesh = c->body->mesh;
     int between = c->skin->embedding->sample_count == 0; /* two blades: the elements are those of this mesh */
     dgfemi_blade_sides sides;
@@ -19759,7 +23868,7 @@ static int dgfemi_skin_find_places(dgfemi_arena *arena, dgfemi_skin_cutter *c, d
         (!between && !dgfemi_kinship_make(arena, mesh, c->skin->embedding, &kinship)))
         return 0;
     dgfemi_skin_place(c, &locator, &sides, between ? NULL : &kinship, places);
-    return 1;
+    return !last || dgfemi_skin_tear_triangles(arena, c, &locator, places);
 }
 
 /* ---- the new skin ---- */
@@ -19789,7 +23898,7 @@ static int dgfemi_skin_result_allocate(const dgfemi_skin_cutter *c, dgfem_skin *
 static void dgfemi_skin_result_fill(const dgfemi_skin_cutter *c, dgfem_skin *out) {
     const dgfem_skin *skin = c->skin;
     int original = skin->original_vertex_count, old = skin->vertex_count, walls = c->cap_triangles.count / 3;
-    out->cut_count = skin->cut_count + (walls > 0 || out->triangle_count > skin->triangle_count);
+    out->cut_count = skin->cut_count + (walls > 0 || c->edges.count > 0);
     for (int v = 0; v < out->vertex_count; v++) {
         const dgfemi_skin_vertex *vertex = &c->vertices[v];
         out->weld[v] = vertex->weld, out->anchors[v] = vertex->anchor;
@@ -19830,7 +23939,7 @@ static dgfem_status dgfemi_skin_result(dgfemi_skin_cutter *c, const dgfem_embedd
     dgfem_points_in rest;
     dgfem_status status = DGFEM_OK;
     if (skin) skin->hooks = *hooks;
-    if (!skin || !dgfemi_skin_find_places(&arena, c, &places) || !dgfemi_skin_result_allocate(c, skin))
+    if (!skin || !dgfemi_skin_find_places(&arena, c, c->last, &places) || !dgfemi_skin_result_allocate(c, skin))
         status = dgfemi_fail_memory(hooks);
     if (status == DGFEM_OK) dgfemi_skin_result_fill(c, skin);
     if (status == DGFEM_OK && !weights && !dgfemi_skin_keep_places(c, &places, skin))
@@ -19851,23 +23960,34 @@ static dgfem_status dgfemi_skin_result(dgfemi_skin_cutter *c, const dgfem_embedd
     return DGFEM_OK;
 }
 
-/* A copy of the skin, cut by the blade; `body` is the body after its elements were. `weights` are those of the skin
+static int dgfemi_skin_list_elements(dgfemi_skin_cutter *c) {
+    for (int v = c->element->count; v < c->vertex_count; v++)
+        if (!dgfemi_push(c->hooks, c->element, c->vertices[v].element)) return 0;
+    return 1;
+}
+
+/* A copy of the skin, cut by the blade, the `last` of those that the body was cut by, or not; `body` is the body after its elements were. `weights` are those of the skin
    before all blades, of which many can be kept; NULL where another blade follows, and the copy can do nothing but be
-   cut again. On failure nothing is made. */
-static dgfem_status dgfemi_skin_cut(const dgfem_skin *skin, const dgfem_body *body, const dgfemi_blade *blade,
-                                    const dgfem_embedding *weights, dgfem_skin **out) {
+   cut again. element: of `before`, the body before all blades, that carried each vertex; those of new vertices are
+   appended. On failure nothing is made. */
+static dgfem_status dgfemi_skin_cut(const dgfem_skin *skin, const dgfem_body *body, const dgfem_body *before,
+                                    const dgfemi_blade *blade, int last, const dgfem_embedding *weights, dgfemi_ints *element,
+                                    dgfem_skin **out) {
     dgfemi_skin_cutter c;
     dgfem_status status;
     memset(&c, 0, sizeof c);
     c.skin = skin, c.body = body, c.blade = blade, c.hooks = &skin->hooks;
+    c.before = before, c.element = element, c.last = last;
     *out = NULL;
-    if (!dgfemi_skin_cutter_begin(&c)) {
+    if (!dgfemi_skin_cutter_begin(&c) || !dgfemi_skin_find_layers(&c)) {
         dgfemi_skin_cutter_free(&c);
         return dgfemi_fail_memory(&skin->hooks);
     }
     dgfemi_skin_find_signs(&c);
-    if (dgfemi_skin_find_chords(&c) && dgfemi_skin_split_all(&c) && dgfemi_skin_find_slit(&c) &&
-        dgfemi_skin_find_caps(&c) && dgfemi_skin_make_vertices(&c) && dgfemi_skin_make_walls(&c))
+    if (dgfemi_skin_find_chords(&c) && dgfemi_skin_split_all(&c) && dgfemi_skin_merge_short_edges(&c) &&
+        dgfemi_skin_find_slit(&c) &&
+        dgfemi_skin_find_caps(&c) && dgfemi_skin_make_vertices(&c) && dgfemi_skin_make_walls(&c) &&
+        dgfemi_skin_list_elements(&c))
         status = dgfemi_skin_result(&c, weights, out);
     else status = dgfemi_fail_memory(&skin->hooks);
     dgfemi_skin_cutter_free(&c);
@@ -20973,24 +25093,31 @@ static dgfem_status dgfemi_check_cut(const dgfem_body *body, const dgfem_cut_des
 }
 
 /* A skin cut by all blades in turn; *out is new. */
-static dgfem_status dgfemi_cut_skin(const dgfem_skin *skin, const dgfem_body *next, const dgfemi_blade *blades,
-                                    int count, dgfem_skin **out) {
+static dgfem_status dgfemi_cut_skin(const dgfem_skin *skin, const dgfem_body *body, const dgfem_body *next,
+                                    const dgfemi_blade *blades, int count, dgfem_skin **out) {
+    const dgfem_hooks *hooks = &next->hooks;
+    dgfem_status status = DGFEM_OK;
     dgfem_skin *last = NULL;
-    for (int b = 0; b < count; b++) {
-        dgfem_status status =
-            dgfemi_skin_cut(last ? last : skin, next, &blades[b], b + 1 < count ? NULL : skin->embedding, out);
+    dgfemi_ints element;
+    memset(&element, 0, sizeof element);
+    for (int v = 0; !status && v < skin->vertex_count; v++)
+        if (!dgfemi_push(hooks, &element, skin->embedding->point_element[v])) status = dgfemi_fail_memory(hooks);
+    for (int b = 0; !status && b < count; b++) {
+        int end = b + 1 == count;
+        status = dgfemi_skin_cut(last ? last : skin, next, body, &blades[b], end, end ? skin->embedding : NULL,
+                                 &element, out);
         dgfem_skin_destroy(last);
-        if (status) return status;
         last = *out;
     }
-    return DGFEM_OK;
+    dgfemi_free(hooks, element.data);
+    return status;
 }
 
-static dgfem_status dgfemi_cut_skins(const dgfem_cut_desc *desc, const dgfem_body *next, const dgfemi_blade *blades,
-                                     int count, dgfem_skin **cut) {
+static dgfem_status dgfemi_cut_skins(const dgfem_cut_desc *desc, const dgfem_body *body, const dgfem_body *next,
+                                     const dgfemi_blade *blades, int count, dgfem_skin **cut) {
     dgfem_status status = DGFEM_OK;
     for (int i = 0; !status && i < desc->skin_count; i++) {
-        status = dgfemi_cut_skin(desc->skins[i], next, blades, count, &cut[i]);
+        status = dgfemi_cut_skin(desc->skins[i], body, next, blades, count, &cut[i]);
         if (status) cut[i] = NULL;
     }
     if (status)
@@ -21011,7 +25138,7 @@ static dgfem_status dgfemi_cut_finish(dgfemi_edit *edit, dgfem_body *body, const
     dgfem_status status = dgfemi_renewal_make(&renewal, edit, body);
     if (!status) {
         if (!dgfemi_separation_find(&renewal, &arena, &separation)) status = dgfemi_fail_memory(&body->hooks);
-        if (!status) status = dgfemi_cut_skins(desc, &renewal.next, blades, count, cut);
+        if (!status) status = dgfemi_cut_skins(desc, body, &renewal.next, blades, count, cut);
         if (status) dgfemi_renewal_abort(&renewal);
         else dgfemi_renewal_accept(&renewal);
     }

@@ -1,25 +1,36 @@
-/* The sparse solver on grids of hexahedra, 12 unknowns each, coupled as interior penalty couples them: time of
-   analysis, factorization, solve and product.
+/* The sparse Cholesky factorization beside CHOLMOD with OpenBLAS, in the same run, repeat by repeat in turns, one thread
+   each: analyse, factor and solve, on grids of hexahedra coupled across their faces, 12 unknowns each (degree 1) or 30
+   (degree 2), from 1,000 to 100,000 unknowns; and the fill of the orderings on sliced bodies.
 
-   Beside CHOLMOD, where it is installed (libsuitesparse-dev, libopenblas-dev), in the same run and on one thread:
-       gcc -std=c99 -D_POSIX_C_SOURCE=200809L -O3 -march=native -DHAVE_CHOLMOD -I. -o bench_solver \
-           bench/bench_solver.c -lcholmod -lopenblas -lm
-       OMP_THREAD_LIMIT=1 OPENBLAS_NUM_THREADS=1 ./bench_solver */
+       bench_solver [--large] [--quick] [--fill] [--cpu] [--simd none|sse2|avx2|avx512] [--csv FILE]
+
+   Times are the least of several repeats. --cpu counts the processor's time in place of the wall's, for machines that
+   others use at the same time. --large goes on to 300,000 unknowns, --quick takes 12,000, 30,000 and 49,152 alone,
+   --fill the orderings; --simd is the instruction set that
+   dgfem uses (OPENBLAS_CORETYPE=Haswell keeps OpenBLAS to AVX2, =Nehalem to SSE). CHOLMOD is there when the program is
+   built with -DHAVE_CHOLMOD and linked with -lcholmod -lopenblas, as `make bench` does; OMP_THREAD_LIMIT=1 and
+   OPENBLAS_NUM_THREADS=1 must be set, for it uses OpenMP in its assembly.
+
+   CHOLMOD's best setting is chosen for each size from: METIS or AMD on the unknowns, METIS or AMD on the blocks. The
+   given order is dgfem's own, whose time is not counted for CHOLMOD. Figures go to build/bench/solver.csv as well. */
 #define DGFEM_IMPLEMENTATION
 #include "dgfem.h"
 
-#include <stdio.h>
-#include <time.h>
+#include "formats.h"
+#include "model.h"
+#include "program.h"
 
 #ifdef HAVE_CHOLMOD
 #include <suitesparse/cholmod.h>
 #endif
 
-enum { WIDTH = 12 };
+enum { MAX_REPEATS = 40 };
+
+static int use_cpu_time;
 
 static double seconds(void) {
     struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
+    clock_gettime(use_cpu_time ? CLOCK_PROCESS_CPUTIME_ID : CLOCK_MONOTONIC, &t);
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
@@ -45,20 +56,37 @@ static dgfem_real noise(void) {
     return (dgfem_real)((double)(state >> 11) * (1.0 / 9007199254740992.0) - 0.5);
 }
 
-static dgfem_matrix *make_grid(int n) {
-    int count = n * n * n, pairs = 0, i, k, a, b;
+/* ---- the systems ---- */
+
+/* Noise off the diagonal, and a diagonal that dominates it. */
+static void fill_matrix(dgfem_matrix *matrix) {
+    for (int i = 0; i < matrix->block_count; i++) {
+        int rows = matrix->offset[i + 1] - matrix->offset[i];
+        for (int k = matrix->row_start[i]; k < matrix->row_start[i + 1]; k++) {
+            dgfem_real *block = matrix->values + matrix->value_start[k];
+            size_t count = matrix->value_start[k + 1] - matrix->value_start[k];
+            for (size_t j = 0; j < count; j++) block[j] = noise();
+            if (matrix->column[k] != i) continue;
+            for (int a = 0; a < rows; a++) {
+                for (int b = 0; b < a; b++) block[b * rows + a] = block[a * rows + b];
+                block[a * rows + a] = DGFEM_R(2.5) * (dgfem_real)rows;
+            }
+        }
+    }
+}
+
+static dgfem_matrix *make_grid(int n, int width) {
+    int count = n * n * n, pairs = 0;
     int *sizes = (int *)room((size_t)count, sizeof(int)), *pair = (int *)room((size_t)count * 6, sizeof(int));
     dgfem_vec3 *centres = (dgfem_vec3 *)room((size_t)count, sizeof(dgfem_vec3));
     dgfem_matrix_desc desc = dgfem_default_matrix_desc();
     dgfem_matrix *matrix;
-    for (i = 0; i < count; i++) {
+    for (int i = 0; i < count; i++) {
         int place[3], step[3] = {1, n, n * n};
         place[0] = i % n, place[1] = i / n % n, place[2] = i / (n * n);
-        sizes[i] = WIDTH;
-        centres[i].x = (dgfem_real)place[0];
-        centres[i].y = (dgfem_real)place[1];
-        centres[i].z = (dgfem_real)place[2];
-        for (k = 0; k < 3; k++)
+        sizes[i] = width;
+        centres[i] = dgfemi_vec3((dgfem_real)place[0], (dgfem_real)place[1], (dgfem_real)place[2]);
+        for (int k = 0; k < 3; k++)
             if (place[k] > 0) {
                 pair[2 * pairs] = i;
                 pair[2 * pairs++ + 1] = i - step[k];
@@ -70,35 +98,52 @@ static dgfem_matrix *make_grid(int n) {
     desc.pair_count = pairs;
     desc.centres = centres;
     expect(dgfem_matrix_create(&desc, &matrix) == DGFEM_OK, "dgfem_matrix_create");
-    for (i = 0; i < count; i++)
-        for (k = matrix->row_start[i]; k < matrix->row_start[i + 1]; k++) {
-            dgfem_real *block = matrix->values + matrix->value_start[k];
-            for (a = 0; a < WIDTH; a++)
-                for (b = 0; b < WIDTH; b++) block[a * WIDTH + b] = noise();
-            if (matrix->column[k] != i) continue;
-            for (a = 0; a < WIDTH; a++) {
-                for (b = 0; b < a; b++) block[b * WIDTH + a] = block[a * WIDTH + b];
-                block[a * WIDTH + a] = DGFEM_R(2.5) * WIDTH;
-            }
-        }
+    fill_matrix(matrix);
     free(sizes);
     free(pair);
     free(centres);
     return matrix;
 }
 
+/* ---- figures ---- */
+
 typedef struct figures {
-    double analysis, factor, solve, product; /* seconds */
-    double flops, entries;
+    double analyse[MAX_REPEATS], factor[MAX_REPEATS], solve[MAX_REPEATS], all[MAX_REPEATS]; /* seconds */
+    int count;
+    double flops, entries, bytes;
     double residual; /* largest |b - A x| */
 } figures;
+
+static int compare_doubles(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static double least(const double *values, int count) {
+    double best = values[0];
+    for (int i = 1; i < count; i++) best = fmin(best, values[i]);
+    return best;
+}
+
+static double median(const double *values, int count) {
+    double sorted[MAX_REPEATS];
+    memcpy(sorted, values, (size_t)count * sizeof *values);
+    qsort(sorted, (size_t)count, sizeof *sorted, compare_doubles);
+    return count % 2 ? sorted[count / 2] : 0.5 * (sorted[count / 2 - 1] + sorted[count / 2]);
+}
+
+static void record(figures *f, double t0, double t1, double t2, double t3) {
+    f->analyse[f->count] = t1 - t0;
+    f->factor[f->count] = t2 - t1;
+    f->solve[f->count] = t3 - t2;
+    f->all[f->count++] = t3 - t0;
+}
 
 static double residual(const dgfem_matrix *matrix, const dgfem_real *b, const dgfem_real *x) {
     dgfem_real *y = (dgfem_real *)room((size_t)matrix->size, sizeof(dgfem_real));
     double worst = 0;
-    int i;
     dgfem_matrix_multiply(matrix, x, y);
-    for (i = 0; i < matrix->size; i++) {
+    for (int i = 0; i < matrix->size; i++) {
         double error = fabs((double)b[i] - (double)y[i]);
         if (!(error <= worst)) worst = error;
     }
@@ -106,149 +151,345 @@ static double residual(const dgfem_matrix *matrix, const dgfem_real *b, const dg
     return worst;
 }
 
-static double shortest(double a, double b) { return a == 0 || b < a ? b : a; }
+/* ---- dgfem ---- */
 
-static figures run_dgfem(const dgfem_matrix *matrix, const dgfem_real *b, int repeats) {
-    dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
-    dgfem_real *x = (dgfem_real *)room((size_t)matrix->size, sizeof(dgfem_real));
-    dgfem_cholesky_info info;
-    dgfem_cholesky *cholesky = NULL;
-    figures f;
-    int k;
-    memset(&f, 0, sizeof f);
-    for (k = 0; k < repeats; k++) {
-        double t = seconds();
-        dgfem_cholesky_destroy(cholesky);
-        expect(dgfem_cholesky_create(matrix, &desc, &cholesky) == DGFEM_OK, "dgfem_cholesky_create");
-        f.analysis = shortest(f.analysis, seconds() - t);
+/* Counts the bytes that are allocated, each block's in a header before it. */
+static void *count_bytes(void *user, void *pointer, size_t size) {
+    double *live = (double *)user;
+    size_t *block = pointer ? (size_t *)pointer - 2 : NULL;
+    if (block) *live -= (double)*block;
+    if (size == 0) {
+        free(block);
+        return NULL;
     }
-    for (k = 0; k < repeats; k++) {
-        double t = seconds();
-        expect(dgfem_cholesky_factor(cholesky, matrix, &info) == DGFEM_OK, "dgfem_cholesky_factor");
-        f.factor = shortest(f.factor, seconds() - t);
-    }
-    for (k = 0; k < 4 * repeats; k++) {
-        double t = seconds();
-        expect(dgfem_cholesky_solve(cholesky, b, x) == DGFEM_OK, "dgfem_cholesky_solve");
-        f.solve = shortest(f.solve, seconds() - t);
-    }
-    f.residual = residual(matrix, b, x);
-    for (k = 0; k < 4 * repeats; k++) {
-        double t = seconds();
-        dgfem_matrix_multiply(matrix, b, x);
-        f.product = shortest(f.product, seconds() - t);
-    }
-    f.flops = info.factor_flops;
-    f.entries = info.factor_entries;
-    dgfem_cholesky_destroy(cholesky);
-    free(x);
-    return f;
+    block = (size_t *)realloc(block, size + 2 * sizeof *block);
+    expect(block != NULL, "malloc");
+    *block = size;
+    *live += (double)size;
+    return block + 2;
 }
 
+/* What an analysed system keeps, and its order. */
+static void analyse_once(const dgfem_matrix *matrix, figures *f, int *order) {
+    dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
+    dgfem_cholesky *cholesky = NULL;
+    desc.hooks.reallocate = count_bytes;
+    desc.hooks.reallocate_user = &f->bytes;
+    expect(dgfem_cholesky_create(matrix, &desc, &cholesky) == DGFEM_OK, "dgfem_cholesky_create");
+    double bytes = f->bytes;
+    memcpy(order, cholesky->order, (size_t)matrix->block_count * sizeof *order);
+    dgfem_cholesky_destroy(cholesky);
+    f->bytes = bytes;
+}
+
+static void run_dgfem(const dgfem_matrix *matrix, dgfem_simd simd, const dgfem_real *b, dgfem_real *x, figures *f) {
+    dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
+    dgfem_cholesky *cholesky = NULL;
+    dgfem_cholesky_info info;
+    double t0 = seconds(), t1, t2;
+    desc.simd = simd;
+    expect(dgfem_cholesky_create(matrix, &desc, &cholesky) == DGFEM_OK, "dgfem_cholesky_create");
+    t1 = seconds();
+    expect(dgfem_cholesky_factor(cholesky, matrix, &info) == DGFEM_OK, "dgfem_cholesky_factor");
+    t2 = seconds();
+    expect(dgfem_cholesky_solve(cholesky, b, x) == DGFEM_OK, "dgfem_cholesky_solve");
+    record(f, t0, t1, t2, seconds());
+    f->flops = info.factor_flops;
+    f->entries = info.factor_entries;
+    dgfem_cholesky_destroy(cholesky);
+    if (f->count == 1) f->residual = residual(matrix, b, x);
+}
+
+static double time_product(const dgfem_matrix *matrix, const dgfem_real *b, dgfem_real *x) {
+    double best = 1e300;
+    for (int k = 0; k < 20; k++) {
+        double t = seconds();
+        dgfem_matrix_multiply(matrix, b, x);
+        best = fmin(best, seconds() - t);
+    }
+    return best;
+}
+
+/* ---- CHOLMOD ---- */
+
 #ifdef HAVE_CHOLMOD
+typedef enum setting { UNKNOWNS_METIS, UNKNOWNS_AMD, BLOCKS_METIS, BLOCKS_AMD, GIVEN, SETTINGS } setting;
+
+static const char *const setting_names[SETTINGS] = {"METIS", "AMD", "block METIS", "block AMD", "our order"};
+
 /* The lower half in compressed columns, which is the rows of blocks read as columns of the upper half. */
 static cholmod_sparse *to_cholmod(const dgfem_matrix *matrix, cholmod_common *common) {
-    size_t entries = 0;
-    cholmod_sparse *a;
-    int *start, *row, r, k, i, j;
-    double *value;
-    for (r = 0; r < matrix->block_count; r++)
-        entries += (size_t)(matrix->row_start[r + 1] - matrix->row_start[r]) * WIDTH * WIDTH;
-    a = cholmod_allocate_sparse((size_t)matrix->size, (size_t)matrix->size, entries, 1, 1, 1, CHOLMOD_REAL, common);
-    start = (int *)a->p, row = (int *)a->i, value = (double *)a->x;
-    for (r = 0; r < matrix->block_count; r++)
-        for (i = 0; i < WIDTH; i++) {
-            int column = r * WIDTH + i, at = start[column];
-            for (k = matrix->row_start[r]; k < matrix->row_start[r + 1]; k++)
-                for (j = 0; j < WIDTH; j++) {
-                    if (matrix->column[k] * WIDTH + j > column) continue;
-                    row[at] = matrix->column[k] * WIDTH + j;
-                    value[at++] = (double)matrix->values[matrix->value_start[k] + (size_t)(i * WIDTH + j)];
+    cholmod_sparse *a = cholmod_allocate_sparse((size_t)matrix->size, (size_t)matrix->size,
+                                                matrix->value_start[matrix->row_start[matrix->block_count]], 1, 1, 1,
+                                                CHOLMOD_REAL, common);
+    int *start = (int *)a->p, *row = (int *)a->i;
+    double *value = (double *)a->x;
+    for (int r = 0; r < matrix->block_count; r++)
+        for (int i = 0; i < matrix->offset[r + 1] - matrix->offset[r]; i++) {
+            int column = matrix->offset[r] + i, at = start[column];
+            for (int k = matrix->row_start[r]; k < matrix->row_start[r + 1]; k++) {
+                int first = matrix->offset[matrix->column[k]], width = matrix->offset[matrix->column[k] + 1] - first;
+                for (int j = 0; j < width && first + j <= column; j++) {
+                    row[at] = first + j;
+                    value[at++] = (double)matrix->values[matrix->value_start[k] + (size_t)(i * width + j)];
                 }
+            }
             start[column + 1] = at;
         }
     return a;
 }
 
-static figures run_cholmod(const dgfem_matrix *matrix, const dgfem_real *b, int repeats) {
-    dgfem_real *result = (dgfem_real *)room((size_t)matrix->size, sizeof(dgfem_real));
-    cholmod_common common;
-    cholmod_sparse *a;
-    cholmod_dense *rhs, *x = NULL;
-    cholmod_factor *factor = NULL;
-    figures f;
-    int k;
-    memset(&f, 0, sizeof f);
-    cholmod_start(&common);
-    common.supernodal = CHOLMOD_SUPERNODAL;
-    a = to_cholmod(matrix, &common);
-    rhs = cholmod_allocate_dense((size_t)matrix->size, 1, (size_t)matrix->size, CHOLMOD_REAL, &common);
-    for (k = 0; k < matrix->size; k++) ((double *)rhs->x)[k] = (double)b[k];
-    for (k = 0; k < repeats; k++) {
-        double t = seconds();
-        cholmod_free_factor(&factor, &common);
-        factor = cholmod_analyze(a, &common);
-        f.analysis = shortest(f.analysis, seconds() - t);
-    }
-    for (k = 0; k < repeats; k++) {
-        double t = seconds();
-        expect(cholmod_factorize(a, factor, &common), "cholmod_factorize");
-        f.factor = shortest(f.factor, seconds() - t);
-    }
-    f.flops = common.fl;
-    f.entries = common.lnz;
-    for (k = 0; k < 4 * repeats; k++) {
-        double t = seconds();
-        cholmod_free_dense(&x, &common);
-        x = cholmod_solve(CHOLMOD_A, factor, rhs, &common);
-        f.solve = shortest(f.solve, seconds() - t);
-    }
-    for (k = 0; k < matrix->size; k++) result[k] = (dgfem_real)((double *)x->x)[k];
-    f.residual = residual(matrix, b, result);
-    cholmod_free_dense(&x, &common);
-    cholmod_free_dense(&rhs, &common);
-    cholmod_free_factor(&factor, &common);
-    cholmod_free_sparse(&a, &common);
-    cholmod_finish(&common);
-    free(result);
-    return f;
+/* The graph of blocks, upper half. */
+static cholmod_sparse *block_graph(const dgfem_matrix *matrix, cholmod_common *common) {
+    int n = matrix->block_count;
+    cholmod_sparse *a = cholmod_allocate_sparse((size_t)n, (size_t)n, (size_t)matrix->row_start[n], 1, 1, 1,
+                                                CHOLMOD_PATTERN, common);
+    memcpy(a->p, matrix->row_start, ((size_t)n + 1) * sizeof(int));
+    memcpy(a->i, matrix->column, (size_t)matrix->row_start[n] * sizeof(int));
+    return a;
+}
+
+/* order becomes METIS's or AMD's of the graph of blocks. */
+static void order_blocks(const dgfem_matrix *matrix, setting how, int *order, cholmod_common *common) {
+    cholmod_sparse *graph = block_graph(matrix, common);
+    if (how == BLOCKS_METIS) expect(cholmod_metis(graph, NULL, 0, 1, order, common), "cholmod_metis");
+    else expect(cholmod_amd(graph, NULL, 0, order, common), "cholmod_amd");
+    cholmod_free_sparse(&graph, common);
+}
+
+/* x receives the solution. `own` is dgfem's order. */
+static void run_cholmod(const dgfem_matrix *matrix, cholmod_sparse *a, setting how, const int *own, const dgfem_real *b,
+                        dgfem_real *x, figures *f, cholmod_common *common) {
+    int *order = (int *)room((size_t)matrix->block_count, sizeof(int));
+    int *unknowns = (int *)room((size_t)matrix->size, sizeof(int)), used = 0;
+    cholmod_dense *rhs = cholmod_allocate_dense((size_t)matrix->size, 1, (size_t)matrix->size, CHOLMOD_REAL, common);
+    for (int k = 0; k < matrix->size; k++) ((double *)rhs->x)[k] = (double)b[k];
+    common->supernodal = CHOLMOD_SUPERNODAL;
+    common->nmethods = 1;
+    common->method[0].ordering = how == UNKNOWNS_METIS ? CHOLMOD_METIS : how == UNKNOWNS_AMD ? CHOLMOD_AMD : CHOLMOD_GIVEN;
+    double t0 = seconds();
+    if (how == GIVEN) memcpy(order, own, (size_t)matrix->block_count * sizeof *order);
+    else if (how >= BLOCKS_METIS) order_blocks(matrix, how, order, common);
+    for (int k = 0; how >= BLOCKS_METIS && k < matrix->block_count; k++)
+        for (int i = matrix->offset[order[k]]; i < matrix->offset[order[k] + 1]; i++) unknowns[used++] = i;
+    cholmod_factor *factor =
+        how < BLOCKS_METIS ? cholmod_analyze(a, common) : cholmod_analyze_p(a, unknowns, NULL, 0, common);
+    double t1 = seconds();
+    expect(cholmod_factorize(a, factor, common), "cholmod_factorize");
+    double t2 = seconds();
+    f->flops = common->fl;
+    f->entries = common->lnz;
+    cholmod_dense *result = cholmod_solve(CHOLMOD_A, factor, rhs, common);
+    record(f, t0, t1, t2, seconds());
+    f->bytes = (double)factor->xsize * sizeof(double) + (double)factor->ssize * sizeof(int);
+    for (int k = 0; k < matrix->size; k++) x[k] = (dgfem_real)((double *)result->x)[k];
+    cholmod_free_dense(&result, common);
+    cholmod_free_factor(&factor, common);
+    cholmod_free_dense(&rhs, common);
+    free(order);
+    free(unknowns);
+    if (f->count == 1) f->residual = residual(matrix, b, x);
+}
+
+/* The stock setting that takes least time in all. */
+static setting best_setting(const dgfem_matrix *matrix, cholmod_sparse *a, const dgfem_real *b, dgfem_real *x,
+                            cholmod_common *common) {
+    double best = 1e300;
+    setting found = UNKNOWNS_METIS;
+    for (int how = UNKNOWNS_METIS; how < GIVEN; how++)
+        for (int repeat = 0; repeat < (matrix->size < 20000 ? 3 : 1); repeat++) {
+            figures f;
+            memset(&f, 0, sizeof f);
+            run_cholmod(matrix, a, (setting)how, NULL, b, x, &f, common);
+            if (f.all[0] < best) best = f.all[0], found = (setting)how;
+        }
+    return found;
 }
 #endif
+
+/* ---- tables ---- */
+
+static void print_head(int n, int width, const dgfem_matrix *matrix) {
+    printf("\n%d^3 hexahedra of %d unknowns: %d\n", n, width, matrix->size);
+    printf("  %-20s %9s %9s %8s %9s %9s %8s %8s %7s %8s %8s\n", "least ms", "analyse", "factor", "solve", "all",
+           "(median)", "GFLOP", "GFLOP/s", "1e6 L", "MB", "residual");
+}
 
 static void print(const char *name, const figures *f) {
-    printf("  %-8s %10.2f %10.2f %9.3f %9.2f %9.2f %9.2f", name, 1e3 * f->analysis, 1e3 * f->factor, 1e-9 * f->flops,
-           1e-9 * f->flops / f->factor, 1e-6 * f->entries, 1e3 * f->solve);
-    if (f->product > 0) printf(" %9.3f", 1e3 * f->product);
-    else printf(" %9s", "-");
-    printf(" %9.1e\n", f->residual);
+    double factor = least(f->factor, f->count);
+    printf("  %-20s %9.2f %9.2f %8.2f %9.2f %9.2f %8.3f %8.1f %7.2f %8.1f %8.1e\n", name,
+           1e3 * least(f->analyse, f->count), 1e3 * factor, 1e3 * least(f->solve, f->count),
+           1e3 * least(f->all, f->count), 1e3 * median(f->all, f->count), 1e-9 * f->flops, 1e-9 * f->flops / factor,
+           1e-6 * f->entries, 1e-6 * f->bytes, f->residual);
 }
 
-int main(void) {
-    static const int cells[3] = {10, 16, 20};
-    int k, i;
-    for (k = 0; k < 3; k++) {
-        int n = cells[k], repeats = n > 12 ? 1 : 5;
-        dgfem_matrix *matrix = make_grid(n);
-        dgfem_real *b = (dgfem_real *)room((size_t)matrix->size, sizeof(dgfem_real));
-        figures own;
-        for (i = 0; i < matrix->size; i++) b[i] = noise();
-        printf("%d^3 hexahedra, %d unknowns\n", n, matrix->size);
-        printf("  %-8s %10s %10s %9s %9s %9s %9s %9s %9s\n", "", "analyse ms", "factor ms", "GFLOP", "GFLOP/s",
-               "1e6 in L", "solve ms", "product", "residual");
-        own = run_dgfem(matrix, b, repeats);
-        print("dgfem", &own);
+static void write_csv(FILE *csv, int width, const dgfem_matrix *matrix, const char *name, const figures *f) {
+    if (!csv) return;
+    fprintf(csv, "%d,%d,%s,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g\n", width, matrix->size, name,
+            least(f->analyse, f->count), least(f->factor, f->count), least(f->solve, f->count), least(f->all, f->count),
+            median(f->all, f->count), f->flops, f->entries, f->bytes);
+}
+
 #ifdef HAVE_CHOLMOD
-        {
-            figures other = run_cholmod(matrix, b, repeats);
-            print("CHOLMOD", &other);
-            printf("  %-8s %10.3f %10.3f %9.3f %9.3f %9.3f %9.3f\n", "ratio", own.analysis / other.analysis,
-                   own.factor / other.factor, own.flops / other.flops,
-                   own.flops / own.factor / (other.flops / other.factor), own.entries / other.entries,
-                   own.solve / other.solve);
-        }
+static void print_ratio(const char *name, const figures *own, const figures *other) {
+    printf("  %-20s %9.2f %9.2f %8.2f %9.3f %9.3f %8.3f\n", name,
+           least(own->analyse, own->count) / least(other->analyse, other->count),
+           least(own->factor, own->count) / least(other->factor, other->count),
+           least(own->solve, own->count) / least(other->solve, other->count),
+           least(own->all, own->count) / least(other->all, other->count),
+           median(own->all, own->count) / median(other->all, other->count), own->flops / other->flops);
+}
 #endif
-        free(b);
-        dgfem_matrix_destroy(matrix);
+
+static void bench_grid(int n, int width, dgfem_simd simd, FILE *csv) {
+    dgfem_matrix *matrix = make_grid(n, width);
+    dgfem_real *b = (dgfem_real *)room((size_t)matrix->size, sizeof(dgfem_real));
+    dgfem_real *x = (dgfem_real *)room((size_t)matrix->size, sizeof(dgfem_real));
+    int *order = (int *)room((size_t)matrix->block_count, sizeof(int));
+    int repeats = matrix->size < 15000 ? 15 : matrix->size < 60000 ? 5 : 2;
+    figures own;
+    memset(&own, 0, sizeof own);
+    for (int i = 0; i < matrix->size; i++) b[i] = noise();
+    analyse_once(matrix, &own, order);
+    print_head(n, width, matrix);
+#ifdef HAVE_CHOLMOD
+    figures stock, given;
+    cholmod_common common;
+    char name[64];
+    memset(&stock, 0, sizeof stock);
+    memset(&given, 0, sizeof given);
+    cholmod_start(&common);
+    cholmod_sparse *a = to_cholmod(matrix, &common);
+    setting best = best_setting(matrix, a, b, x, &common);
+    for (int k = 0; k < repeats; k++) {
+        run_dgfem(matrix, simd, b, x, &own);
+        run_cholmod(matrix, a, best, order, b, x, &stock, &common);
+        run_dgfem(matrix, simd, b, x, &own);
+        run_cholmod(matrix, a, GIVEN, order, b, x, &given, &common);
     }
+    cholmod_free_sparse(&a, &common);
+    cholmod_finish(&common);
+    print("dgfem", &own);
+    snprintf(name, sizeof name, "CHOLMOD, %s", setting_names[best]);
+    print(name, &stock);
+    print("CHOLMOD, our order", &given);
+    print_ratio("ratio to stock", &own, &stock);
+    print_ratio("ratio to our order", &own, &given);
+    write_csv(csv, width, matrix, "cholmod", &stock);
+    write_csv(csv, width, matrix, "cholmod_given", &given);
+#else
+    for (int k = 0; k < repeats; k++) run_dgfem(matrix, simd, b, x, &own);
+    print("dgfem", &own);
+#endif
+    printf("  product %.3f ms\n", 1e3 * time_product(matrix, b, x));
+    write_csv(csv, width, matrix, "dgfem", &own);
+    fflush(stdout);
+    free(b);
+    free(x);
+    free(order);
+    dgfem_matrix_destroy(matrix);
+}
+
+/* ---- fill on sliced bodies ---- */
+
+static double fill_of(const dgfem_matrix *matrix, dgfem_ordering ordering) {
+    dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
+    dgfem_cholesky *cholesky = NULL;
+    desc.ordering = ordering;
+    expect(dgfem_cholesky_create(matrix, &desc, &cholesky) == DGFEM_OK, "dgfem_cholesky_create");
+    double flops = cholesky->factor_flops;
+    dgfem_cholesky_destroy(cholesky);
+    return flops;
+}
+
+#ifdef HAVE_CHOLMOD
+/* Counted by the same tree as dgfem's own orders. */
+static double fill_of_peer(const dgfem_matrix *matrix, setting how) {
+    dgfemi_arena arena = dgfemi_arena_make(&matrix->hooks);
+    int *order = (int *)room((size_t)matrix->block_count, sizeof(int));
+    dgfemi_graph graph;
+    cholmod_common common;
+    double flops = 0;
+    cholmod_start(&common);
+    order_blocks(matrix, how, order, &common);
+    cholmod_finish(&common);
+    expect(dgfemi_graph_make(&arena, matrix, &graph) && dgfemi_order_flops(&arena, &graph, order, &flops), "order");
+    dgfemi_arena_free(&arena);
+    free(order);
+    return flops;
+}
+#endif
+
+static void bench_fill(const formats_surface *surface, int cells) {
+    dgfem_slice_desc slice = dgfem_default_slice_desc();
+    dgfem_body_desc desc = dgfem_default_body_desc();
+    dgfem_mesh *mesh = NULL;
+    dgfem_body *body = NULL;
+    slice.vertices = dgfem_points_in_double(surface->vertices, surface->vertex_count);
+    slice.triangles = surface->triangles;
+    slice.triangle_count = surface->triangle_count;
+    slice.cells = cells;
+    slice.sliver = 0;
+    expect(dgfem_mesh_create_slices(&slice, &mesh) == DGFEM_OK, "dgfem_mesh_create_slices");
+    desc.mesh = mesh;
+    expect(dgfem_body_create(&desc, &body) == DGFEM_OK, "dgfem_body_create");
+    printf("  %7d %9.4f %9.4f %9.4f", body->matrix->block_count, 1e-9 * fill_of(body->matrix, DGFEM_ORDERING_AUTO),
+           1e-9 * fill_of(body->matrix, DGFEM_ORDERING_NESTED_DISSECTION),
+           1e-9 * fill_of(body->matrix, DGFEM_ORDERING_MINIMUM_DEGREE));
+#ifdef HAVE_CHOLMOD
+    printf(" %9.4f %9.4f", 1e-9 * fill_of_peer(body->matrix, BLOCKS_METIS), 1e-9 * fill_of_peer(body->matrix, BLOCKS_AMD));
+#endif
+    printf("\n");
+    dgfem_body_destroy(body);
+}
+
+static void bench_bodies(void) {
+    static const int cells[4] = {6, 11, 20, 24};
+    formats_surface surface;
+    formats_error error;
+    const char *path = "build/bunny.obj";
+    FILE *file = fopen(path, "r");
+    int found = file != NULL;
+    if (file) fclose(file);
+    if (found && !formats_read_surface(path, &surface, &error)) found = 0;
+    if (!found) expect(model_make(&surface), "the built-in shape");
+    printf("\nGFLOP of a factorization: sliced %s\n  %7s %9s %9s %9s", found ? path : "shape", "blocks", "auto",
+           "dissect", "min.deg.");
+#ifdef HAVE_CHOLMOD
+    printf(" %9s %9s", "METIS", "AMD");
+#endif
+    printf("\n");
+    for (int k = 0; k < 4; k++) bench_fill(&surface, cells[k]);
+    formats_free_surface(&surface);
+}
+
+int main(int argc, char **argv) {
+    static const char *const names[5] = {"auto", "none", "sse2", "avx2", "avx512"};
+    static const int cells[2][10] = {{4, 6, 8, 10, 12, 16, 20, 24, 29, 0}, {3, 4, 6, 8, 10, 12, 15, 18, 21, 0}};
+    program p = program_begin(argc, argv, "bench_solver [--large] [--quick] [--fill] [--cpu] [--simd NAME] [--csv FILE]");
+    int large = program_flag(&p, "--large"), quick = program_flag(&p, "--quick");
+    const char *name = program_text(&p, "--simd", "auto"), *path = program_text(&p, "--csv", "build/bench/solver.csv");
+    use_cpu_time = program_flag(&p, "--cpu");
+    int fill_only = program_flag(&p, "--fill");
+    program_end(&p);
+    int simd = 0;
+    while (simd < 5 && strcmp(names[simd], name) != 0) simd++;
+    expect(simd < 5, "--simd");
+    FILE *csv = fopen(path, "w");
+    if (!csv) fprintf(stderr, "bench_solver: %s cannot be written\n", path);
+    if (csv) fprintf(csv, "width,unknowns,solver,analyse,factor,solve,all,all_median,flops,entries,bytes\n");
+    if (fill_only) {
+        bench_bodies();
+    } else if (quick) {
+        bench_grid(10, 12, (dgfem_simd)simd, csv);
+        bench_grid(10, 30, (dgfem_simd)simd, csv);
+        bench_grid(16, 12, (dgfem_simd)simd, csv);
+    } else {
+        for (int degree = 0; degree < 2; degree++)
+            for (int k = 0; cells[degree][k] && (large || k < 7); k++)
+                bench_grid(cells[degree][k], degree ? 30 : 12, (dgfem_simd)simd, csv);
+        bench_bodies();
+    }
+    if (csv) fclose(csv);
     return 0;
 }

@@ -2,6 +2,7 @@
 # pictures.sh demo    renders what `make demo` left in build/demo/; without f3d and xvfb it says so and is content
 # pictures.sh shells  runs the examples of shells and renders their pictures
 # pictures.sh cuts    runs the examples of cuts and renders their pictures
+# pictures.sh polyhedra  runs the examples of polyhedral elements and renders their pictures
 # pictures.sh all     runs the examples and renders examples/pictures/*.png
 # Run it from the top of the repository, after `make examples`.
 set -u
@@ -79,6 +80,16 @@ shells() {
     shell build/pictures/shells/can_0010.obj examples/pictures/shell_can.png 25 20 || return 1
 }
 
+polyhedra() {
+    mkdir -p build/pictures/polyhedra
+    build/examples/mvc_slope --ply build/pictures/polyhedra/slope.ply > build/pictures/polyhedra/slope.txt || return 1
+    painted build/pictures/polyhedra/slope.ply examples/pictures/mvc_slope.png 900,400 0.75,-4.4,1.15 0.75,0,-0.2 18 || return 1
+    build/examples/mvc_cut --ply build/pictures/polyhedra/cut.ply > build/pictures/polyhedra/cut.txt || return 1
+    build/examples/mvc_slice --ply build/pictures/polyhedra/slice.ply > build/pictures/polyhedra/slice.txt || return 1
+    painted build/pictures/polyhedra/cut.ply examples/pictures/mvc_cut.png 1000,400 0.9,-5,1.6 0.9,0,0.32 11 || return 1
+    painted build/pictures/polyhedra/slice.ply examples/pictures/mvc_slice.png 900,330 1.5,-3,0.7 0.62,0.1,0.13 10.5 || return 1
+}
+
 can_draw() { command -v f3d > /dev/null && command -v xvfb-run > /dev/null; }
 
 all() {
@@ -88,6 +99,7 @@ all() {
     elements build/pictures/bunny examples/pictures/elements.png || return 1
     shells || return 1
     cuts || return 1
+    polyhedra || return 1
     build/examples/adaptive_bar --vtu build/pictures/eight.vtu > build/pictures/eight.txt || return 1
     bar build/pictures/eight.vtu stress examples/pictures/adaptive_bar_eight.png 0,12000 -25 17 || return 1
     build/examples/adaptive_bar --how two --vtu build/pictures/two.vtu > build/pictures/two.txt || return 1
@@ -103,7 +115,7 @@ case ${1:-} in
         elements build/demo build/demo/elements.png
         exit 0
         ;;
-    all | shells | cuts)
+    all | shells | cuts | polyhedra)
         can_draw && $1 && exit 0
         echo "pictures: not all could be rendered"
         exit 1

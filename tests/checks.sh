@@ -81,6 +81,14 @@ packs() {
         ! grep -q 'pragma\|"a.h"\|"lib/' "$work/out/lib.h"
 }
 
+# A part without #pragma once is inserted at each of its includes.
+packs_repeated() {
+    small_sources
+    printf '/* Part t. */\nint NAME;\n' > "$work/src/lib/t.c"
+    printf '#define NAME c\n#include "t.c"\n#undef NAME\n#define NAME d\n#include "t.c"\n' >> "$work/src/lib/b.c"
+    build/gen/pack "$work/src" "$work/out" && cat "$work/out/lib.h" && [ "$(grep -c '^int NAME;' "$work/out/lib.h")" = 2 ]
+}
+
 # refuses FILE TEXT MESSAGE: with TEXT appended to FILE, packing fails, says MESSAGE and writes nothing.
 refuses() {
     small_sources
@@ -100,6 +108,7 @@ refuses_missing() {
 
 check_packer() {
     check "packs" packs
+    check "packs a repeated part" packs_repeated
     check "refuses a missing part" refuses_missing
     check "refuses CR" refuses lib/b.c 'int c;\r\n' 'lib/b.c:5: carriage return'
     check "refuses trailing blanks" refuses lib/b.c 'int c; \n' 'lib/b.c:5: trailing blank'
@@ -392,6 +401,22 @@ runs_bunny() {
         [ -s "$work/frames/skin_0000.obj" ] && [ -s "$work/frames/elements_0000.vtu" ]
 }
 
+# The corrected rules pass the patch test on all meshes, the one as published does not.
+runs_mvc_patch() {
+    for arguments in cube hex voronoi planes "voronoi --quadrature paper" "planes --seed 5 --quadrature paper"; do
+        # shellcheck disable=SC2086
+        build/examples/mvc_patch --mesh $arguments > "$work/output" || return 1
+        cat "$work/output"
+        [ "$(head -n 1 "$work/output")" = "elements nodes max_error min_eigen max_eigen" ] &&
+            awk 'NR == 2 && NF == 5 && $3 <= 1e-12 && $4 > 0 && $5 > $4 { ok = 1 } END { exit !ok }' "$work/output" ||
+            return 1
+    done
+    build/examples/mvc_patch --mesh voronoi --quadrature paper_raw > "$work/output" || return 1
+    awk 'NR == 2 && $3 > 1e-4 { ok = 1 } END { exit !ok }' "$work/output"
+}
+
+mvc_slope_keys='elements nodes steps travel most_contacts least_volume largest_volume microseconds_per_step'
+
 check_examples() {
     check "hello runs" build/examples/hello
     check "beam prints its keys, and the tip of the reference" runs_beam
@@ -406,6 +431,10 @@ check_examples() {
     check "shell_benchmark prints its keys, and the references within 3 %" runs_shells
     check "shell_benchmark refuses an unknown test" refuses_option build/examples/shell_benchmark --test bogus
     check "shell_sheet refuses too few steps" refuses_value build/examples/shell_sheet --dt 1
+    check "mvc_patch passes with the corrected rules alone" runs_mvc_patch
+    check "mvc_slope prints its keys" prints_keys "$mvc_slope_keys" build/examples/mvc_slope --ply "$work/slope.ply"
+    check "mvc_slope refuses Young's modulus 0" refuses_value build/examples/mvc_slope --young 0
+    check "mvc_patch refuses an unknown mesh" refuses_option build/examples/mvc_patch --mesh bogus
     check "bunny runs with its own shape" runs_bunny
 }
 

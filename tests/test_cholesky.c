@@ -5,14 +5,18 @@
 
 #include "check.h"
 #include "check_matrix.h"
+#include "check_threads.h"
 
 static const dgfem_ordering all_orderings[4] = {DGFEM_ORDERING_AUTO, DGFEM_ORDERING_NATURAL,
                                                 DGFEM_ORDERING_MINIMUM_DEGREE, DGFEM_ORDERING_NESTED_DISSECTION};
+
+static dgfem_simd instruction_set = DGFEM_SIMD_AUTO; /* that `analyse` asks for */
 
 static dgfem_cholesky *analyse(const dgfem_matrix *matrix, dgfem_ordering ordering) {
     dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
     dgfem_cholesky *cholesky = NULL;
     desc.ordering = ordering;
+    desc.simd = instruction_set;
     check_status(dgfem_cholesky_create(matrix, &desc, &cholesky), DGFEM_OK);
     return cholesky;
 }
@@ -56,7 +60,7 @@ static void random_structures_match_the_dense_solution(void **state) {
     check_random random = check_random_seeded(1);
     int round;
     (void)state;
-    for (round = 0; round < 32; round++) {
+    for (round = 0; round < (check_long() ? 32 : 12); round++) {
         int count = 1 + check_random_int(&random, 36);
         check_blocks blocks = check_blocks_random(&random, count, check_random_int(&random, 2 * count));
         check_against_dense(&blocks, &random, all_orderings[round % 4]);
@@ -94,20 +98,69 @@ static void panels_of_all_sizes_match_the_dense_solution(void **state) {
     check_random random = check_random_seeded(3);
     int i, j;
     (void)state;
-    for (i = 1; i <= 34; i++) {
+    for (i = 1; i <= 50; i++) { /* the strips of the widest vectors have 48 rows */
         check_blocks blocks = check_blocks_chain(3, i);
-        blocks.sizes[0] = 35 - i;
+        blocks.sizes[0] = 51 - i;
         blocks.sizes[2] = 1 + i % 7;
         check_against_dense(&blocks, &random, DGFEM_ORDERING_NATURAL);
         check_blocks_free(&blocks);
     }
-    for (i = 0; i < 4; i++)
-        for (j = 0; j < 4; j += check_long() ? 1 : 2) {
+    for (i = check_long() ? 0 : 1; i < (check_long() ? 4 : 2); i++)
+        for (j = check_long() ? 0 : 1; j < 4; j += check_long() ? 1 : 4) {
             check_blocks blocks = check_blocks_chain(2, large[i]);
             blocks.sizes[1] = large[(i + j) % 4];
             check_against_dense(&blocks, &random, DGFEM_ORDERING_NATURAL);
             check_blocks_free(&blocks);
         }
+}
+
+/* The same on every path through the kernels that this machine has. */
+static void every_instruction_set_matches_the_dense_solution(void **state) {
+    static const char *const names[] = {"best", "none", "SSE2", "AVX2", "AVX-512", "NEON", "wasm"};
+    int found = 0, simd;
+    for (simd = DGFEM_SIMD_NONE; simd <= DGFEM_SIMD_WASM; simd++) {
+        if (!dgfemi_kernels_for((dgfem_simd)simd)) continue;
+        print_message("instruction set: %s\n", names[simd]);
+        instruction_set = (dgfem_simd)simd;
+        random_structures_match_the_dense_solution(state);
+        small_structures_match_the_dense_solution(state);
+        panels_of_all_sizes_match_the_dense_solution(state);
+        found++;
+    }
+    instruction_set = DGFEM_SIMD_AUTO;
+    assert_true(found >= 1);
+}
+
+static void instruction_sets_are_chosen_and_reported(void **state) {
+    check_blocks blocks = check_blocks_chain(2, 3);
+    check_random random = check_random_seeded(14);
+    dgfem_matrix *matrix = check_matrix_make(&blocks, 0);
+    dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
+    dgfem_cholesky *cholesky = NULL;
+    dgfem_cholesky_info info;
+    check_host host;
+    int simd, best = DGFEM_SIMD_NONE;
+    (void)state;
+    check_matrix_fill(matrix, &random, 1.5);
+    desc.hooks = check_hooks(&host);
+    for (simd = DGFEM_SIMD_WASM + 1; simd >= -1; simd--) {
+        desc.simd = (dgfem_simd)simd;
+        if (simd != DGFEM_SIMD_AUTO && !dgfemi_kernels_for((dgfem_simd)simd)) {
+            check_status(dgfem_cholesky_create(matrix, &desc, &cholesky), DGFEM_ERROR_ARGUMENT);
+            check_logged(&host, "instruction set");
+            assert_null(cholesky);
+            continue;
+        }
+        check_status(dgfem_cholesky_create(matrix, &desc, &cholesky), DGFEM_OK);
+        check_status(dgfem_cholesky_factor(cholesky, matrix, &info), DGFEM_OK);
+        if (simd == DGFEM_SIMD_AUTO) assert_int_equal(info.simd, best);
+        else assert_int_equal(info.simd, simd);
+        if (simd > best) best = simd;
+        dgfem_cholesky_destroy(cholesky);
+    }
+    assert_int_equal(host.live, 0);
+    dgfem_matrix_destroy(matrix);
+    check_blocks_free(&blocks);
 }
 
 /* Solves a large system and looks at its residual alone. */
@@ -593,11 +646,156 @@ static void repeated_factorizations_give_the_same_bits(void **state) {
     check_blocks_free(&blocks);
 }
 
+/* Each solution has the bits of a solve of its own, whatever stands beside it; b and x may be the same. */
+static void many_right_hand_sides_are_solved_as_one(void **state) {
+    enum { MOST = 11 };
+    check_random random = check_random_seeded(15);
+    check_blocks blocks = check_blocks_random(&random, 30, 70);
+    dgfem_matrix *matrix = check_matrix_make(&blocks, 1);
+    dgfem_cholesky *cholesky = analyse(matrix, DGFEM_ORDERING_AUTO);
+    int n = matrix->size, count, k;
+    dgfem_real *b = check_vector_random(&random, MOST * n), *x = check_vector_random(&random, MOST * n);
+    dgfem_real *one = check_vector_random(&random, n);
+    (void)state;
+    check_matrix_fill(matrix, &random, 1.5);
+    check_status(dgfem_cholesky_solve_many(cholesky, 1, b, x), DGFEM_ERROR_ARGUMENT);
+    check_status(dgfem_cholesky_factor(cholesky, matrix, NULL), DGFEM_OK);
+    for (count = 0; count <= MOST; count++) {
+        memcpy(x, b, MOST * (size_t)n * sizeof *x);
+        check_status(dgfem_cholesky_solve_many(cholesky, count, x, x), DGFEM_OK);
+        for (k = 0; k < MOST; k++) {
+            if (k < count) check_status(dgfem_cholesky_solve(cholesky, b + k * n, one), DGFEM_OK);
+            else memcpy(one, b + k * n, (size_t)n * sizeof *one);
+            assert_memory_equal(x + k * n, one, (size_t)n * sizeof *one);
+        }
+    }
+    check_status(dgfem_cholesky_solve_many(cholesky, -1, b, x), DGFEM_ERROR_ARGUMENT);
+    check_status(dgfem_cholesky_solve_many(NULL, 1, b, x), DGFEM_ERROR_ARGUMENT);
+    check_status(dgfem_cholesky_solve_many(cholesky, 1, NULL, x), DGFEM_ERROR_ARGUMENT);
+    memcpy(x, b, MOST * (size_t)n * sizeof *x);
+    b[3 * n + 5] = (dgfem_real)NAN;
+    check_status(dgfem_cholesky_solve_many(cholesky, MOST, b, x), DGFEM_ERROR_NOT_FINITE);
+    assert_memory_equal(x, b, 3 * (size_t)n * sizeof *x);
+    free(b);
+    free(x);
+    free(one);
+    dgfem_cholesky_destroy(cholesky);
+    dgfem_matrix_destroy(matrix);
+    check_blocks_free(&blocks);
+}
+
+/* Of systems that make many tasks and fronts that are shared; without threads, and with 1, 2, 3 and 7. */
+static void workers_change_no_bit(void **state) {
+    static const int counts[4] = {1, 2, 3, 7};
+    check_random random = check_random_seeded(16);
+    int kind, k;
+    (void)state;
+    for (kind = 0; kind < 3; kind++) {
+        check_blocks blocks = kind == 0   ? check_blocks_grid(6, 6, 7, 12)
+                              : kind == 1 ? check_blocks_grid(30, 29, 1, 12)
+                                          : check_blocks_random(&random, 150, 300);
+        dgfem_matrix *matrix = check_matrix_make(&blocks, 1);
+        dgfem_cholesky *alone = analyse(matrix, DGFEM_ORDERING_AUTO);
+        dgfem_real *b = check_vector_random(&random, matrix->size);
+        dgfem_real *x = check_vector_random(&random, matrix->size), *y = check_vector_random(&random, matrix->size);
+        check_matrix_fill(matrix, &random, 1.5);
+        check_status(dgfem_cholesky_factor(alone, matrix, NULL), DGFEM_OK);
+        check_status(dgfem_cholesky_solve(alone, b, x), DGFEM_OK);
+        for (k = 0; k < 4; k++) {
+            dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
+            dgfem_cholesky *shared = NULL;
+            check_workers workers;
+            check_host host;
+            long calls;
+            workers.count = counts[k], workers.loops = 0;
+            desc.hooks = check_hooks(&host);
+            desc.hooks.parallel_for = check_parallel_for;
+            desc.hooks.parallel_for_user = &workers;
+            check_status(dgfem_cholesky_create(matrix, &desc, &shared), DGFEM_OK);
+            calls = host.calls;
+            check_status(dgfem_cholesky_factor(shared, matrix, NULL), DGFEM_OK);
+            check_status(dgfem_cholesky_solve(shared, b, y), DGFEM_OK);
+            assert_int_equal(host.calls, calls);
+            assert_true(workers.loops >= (kind == 0 ? 4 : 1));
+            assert_memory_equal(x, y, (size_t)matrix->size * sizeof *x);
+            dgfem_cholesky_destroy(shared);
+        }
+        free(b);
+        free(x);
+        free(y);
+        dgfem_cholesky_destroy(alone);
+        dgfem_matrix_destroy(matrix);
+        check_blocks_free(&blocks);
+    }
+}
+
+/* Of two bad blocks the one that is eliminated first is named, by any number of workers. */
+static void workers_name_the_same_failed_block(void **state) {
+    check_random random = check_random_seeded(17);
+    check_blocks blocks = check_blocks_grid(6, 6, 6, 12);
+    dgfem_matrix *matrix = check_matrix_make(&blocks, 1);
+    dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
+    dgfem_cholesky *cholesky = NULL;
+    dgfem_cholesky_info info;
+    check_workers workers;
+    int round, i;
+    (void)state;
+    workers.loops = 0;
+    desc.hooks.parallel_for = check_parallel_for;
+    desc.hooks.parallel_for_user = &workers;
+    check_status(dgfem_cholesky_create(matrix, &desc, &cholesky), DGFEM_OK);
+    check_matrix_fill(matrix, &random, 1.5);
+    for (round = 0; round < 6; round++) {
+        int bad[2], first = DGFEM_NONE;
+        dgfem_real kept[2];
+        workers.count = 1 + round;
+        for (i = 0; i < 2; i++) {
+            dgfem_real *block;
+            bad[i] = (i * 108 + check_random_int(&random, 108));
+            block = dgfem_matrix_block(matrix, bad[i], bad[i]);
+            kept[i] = *block;
+            *block = i ? -1 : (dgfem_real)NAN;
+        }
+        for (i = 0; i < blocks.count && first == DGFEM_NONE; i++)
+            if (cholesky->order[i] == bad[0] || cholesky->order[i] == bad[1]) first = cholesky->order[i];
+        check_status(dgfem_cholesky_factor(cholesky, matrix, &info), DGFEM_ERROR_NOT_POSITIVE_DEFINITE);
+        /* tasks come before what is above them, whatever stands between them in the order */
+        assert_true(info.failed_block == first || info.failed_block == bad[0] || info.failed_block == bad[1]);
+        workers.count = 1;
+        i = info.failed_block;
+        check_status(dgfem_cholesky_factor(cholesky, matrix, &info), DGFEM_ERROR_NOT_POSITIVE_DEFINITE);
+        assert_int_equal(info.failed_block, i);
+        for (i = 0; i < 2; i++) *dgfem_matrix_block(matrix, bad[i], bad[i]) = kept[i];
+    }
+    check_status(dgfem_cholesky_factor(cholesky, matrix, &info), DGFEM_OK);
+    dgfem_cholesky_destroy(cholesky);
+    dgfem_matrix_destroy(matrix);
+    check_blocks_free(&blocks);
+}
+
+/* Two pieces that nothing couples, one block coupled to all of one piece. */
+static void disconnected_graphs_and_dense_rows_are_solved(void **state) {
+    check_random random = check_random_seeded(18);
+    check_blocks blocks = check_blocks_grid(12, 5, 4, 3);
+    int i, simd;
+    (void)state;
+    for (i = 0; i < blocks.pair_count; i++)
+        if (blocks.pairs[2 * i] / 60 != blocks.pairs[2 * i + 1] / 60 && blocks.pairs[2 * i] / 120 != blocks.pairs[2 * i + 1] / 120)
+            blocks.pairs[2 * i] = blocks.pairs[2 * i + 1];
+    for (i = 0; i < 120; i++) check_blocks_couple(&blocks, 7, i);
+    for (simd = DGFEM_SIMD_NONE; simd <= DGFEM_SIMD_WASM; simd++) {
+        if (!dgfemi_kernels_for((dgfem_simd)simd)) continue;
+        instruction_set = (dgfem_simd)simd;
+        for (i = 0; i < 4; i++) check_large(&blocks, &random, all_orderings[i]);
+    }
+    instruction_set = DGFEM_SIMD_AUTO;
+    check_blocks_free(&blocks);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(random_structures_match_the_dense_solution),
-        cmocka_unit_test(small_structures_match_the_dense_solution),
-        cmocka_unit_test(panels_of_all_sizes_match_the_dense_solution),
+        cmocka_unit_test(every_instruction_set_matches_the_dense_solution),
+        cmocka_unit_test(instruction_sets_are_chosen_and_reported),
         cmocka_unit_test(grids_of_hexahedra_leave_residuals_of_round_off),
         cmocka_unit_test(long_chains_and_large_stars_are_solved),
         cmocka_unit_test(orders_are_permutations),
@@ -614,6 +812,10 @@ int main(void) {
         cmocka_unit_test(empty_system_is_solved),
         cmocka_unit_test(every_allocation_may_fail),
         cmocka_unit_test(repeated_factorizations_give_the_same_bits),
+        cmocka_unit_test(many_right_hand_sides_are_solved_as_one),
+        cmocka_unit_test(workers_change_no_bit),
+        cmocka_unit_test(workers_name_the_same_failed_block),
+        cmocka_unit_test(disconnected_graphs_and_dense_rows_are_solved),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -144,6 +144,48 @@ static void product_equals_the_dense_one(void **state) {
     }
 }
 
+/* The kernels of every instruction set against plain sums, in blocks of all widths. */
+static void every_instruction_set_multiplies_blocks(void **state) {
+    enum { MOST = 61 };
+    check_random random = check_random_seeded(4);
+    int simd, rows, columns, i, j;
+    (void)state;
+    for (simd = DGFEM_SIMD_NONE; simd <= DGFEM_SIMD_WASM; simd++) {
+        const dgfemi_kernels *kernels = dgfemi_kernels_for((dgfem_simd)simd);
+        if (!kernels) continue;
+        for (columns = 1; columns <= MOST; columns++) {
+            dgfem_real *a, *x, *y, *z, *w, *only;
+            rows = 1 + check_random_int(&random, MOST);
+            a = check_vector_random(&random, rows * columns);
+            x = check_vector_random(&random, columns), w = check_vector_random(&random, columns);
+            y = check_vector_random(&random, rows), z = check_vector_random(&random, rows);
+            only = check_vector_random(&random, rows);
+            memset(y, 0, (size_t)rows * sizeof *y);
+            memset(only, 0, (size_t)rows * sizeof *only);
+            memset(w, 0, (size_t)columns * sizeof *w);
+            kernels->multiply_block(a, rows, columns, x, y, z, w);
+            kernels->multiply_block(a, rows, columns, x, only, NULL, NULL);
+            assert_memory_equal(y, only, (size_t)rows * sizeof *y);
+            for (i = 0; i < rows; i++) {
+                double sum = 0;
+                for (j = 0; j < columns; j++) sum += (double)a[i * columns + j] * (double)x[j];
+                check_near(y[i], sum, CHECK_EPSILON * (columns + 1) * columns);
+            }
+            for (j = 0; j < columns; j++) {
+                double sum = 0;
+                for (i = 0; i < rows; i++) sum += (double)a[i * columns + j] * (double)z[i];
+                check_near(w[j], sum, CHECK_EPSILON * (rows + 1) * rows);
+            }
+            free(a);
+            free(x);
+            free(y);
+            free(z);
+            free(w);
+            free(only);
+        }
+    }
+}
+
 static void empty_matrix_is_valid(void **state) {
     dgfem_matrix_desc desc = dgfem_default_matrix_desc();
     dgfem_matrix *matrix = NULL;
@@ -249,6 +291,7 @@ int main(void) {
         cmocka_unit_test(centres_are_copied),
         cmocka_unit_test(clear_makes_all_values_zero),
         cmocka_unit_test(product_equals_the_dense_one),
+        cmocka_unit_test(every_instruction_set_multiplies_blocks),
         cmocka_unit_test(empty_matrix_is_valid),
         cmocka_unit_test(bad_descriptors_are_refused),
         cmocka_unit_test(too_large_a_matrix_is_out_of_memory),

@@ -453,9 +453,21 @@ typedef enum dgfem_ordering {
     DGFEM_ORDERING_NESTED_DISSECTION  /* needs the matrix's centres */
 } dgfem_ordering;
 
+/* The instruction set that dense kernels use. Results differ in round-off from one to another. */
+typedef enum dgfem_simd {
+    DGFEM_SIMD_AUTO,   /* the best one that was compiled and that the machine has */
+    DGFEM_SIMD_NONE,   /* plain C; the only one with DGFEM_NO_SIMD */
+    DGFEM_SIMD_SSE2,   /* x86, if compiled by gcc or clang: chosen at run time */
+    DGFEM_SIMD_AVX2,   /* with FMA */
+    DGFEM_SIMD_AVX512, /* F */
+    DGFEM_SIMD_NEON,   /* 64-bit ARM */
+    DGFEM_SIMD_WASM    /* simd128 */
+} dgfem_simd;
+
 typedef struct dgfem_cholesky_desc {
     unsigned cookie;
     dgfem_ordering ordering;
+    dgfem_simd simd; /* default DGFEM_SIMD_AUTO; DGFEM_ERROR_ARGUMENT where one that is asked for is not to be had */
     dgfem_hooks hooks;
 } dgfem_cholesky_desc;
 
@@ -467,6 +479,7 @@ typedef struct dgfem_cholesky_info {
     double factor_entries;    /* numbers in L, without the zeros that are stored with them */
     double factor_flops;      /* multiplications and additions of one factorization, without those on such zeros */
     int supernodes;           /* dense panels that L is stored in */
+    dgfem_simd simd;          /* the instruction set in use */
 } dgfem_cholesky_info;
 
 DGFEM_API dgfem_cholesky_desc dgfem_default_cholesky_desc(void);
@@ -486,6 +499,11 @@ DGFEM_API dgfem_status dgfem_cholesky_factor(dgfem_cholesky *cholesky, const dgf
 /* Solves A x = b by the last factorization; b and x may be the same vector. Allocates nothing: the object's own work
    vector serves one solve at a time. DGFEM_ERROR_ARGUMENT when the last factorization failed or there was none. */
 DGFEM_API dgfem_status dgfem_cholesky_solve(const dgfem_cholesky *cholesky, const dgfem_real *b, dgfem_real *x);
+
+/* The same for `count` right-hand sides, one after the other in b, and their solutions in x. L is read once for several
+   of them; each solution has the bits that dgfem_cholesky_solve gives. */
+DGFEM_API dgfem_status dgfem_cholesky_solve_many(const dgfem_cholesky *cholesky, int count, const dgfem_real *b,
+                                                 dgfem_real *x);
 
 typedef struct dgfem_pcg_desc {
     unsigned cookie;

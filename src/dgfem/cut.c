@@ -739,24 +739,31 @@ static dgfem_status dgfemi_check_cut(const dgfem_body *body, const dgfem_cut_des
 }
 
 /* A skin cut by all blades in turn; *out is new. */
-static dgfem_status dgfemi_cut_skin(const dgfem_skin *skin, const dgfem_body *next, const dgfemi_blade *blades,
-                                    int count, dgfem_skin **out) {
+static dgfem_status dgfemi_cut_skin(const dgfem_skin *skin, const dgfem_body *body, const dgfem_body *next,
+                                    const dgfemi_blade *blades, int count, dgfem_skin **out) {
+    const dgfem_hooks *hooks = &next->hooks;
+    dgfem_status status = DGFEM_OK;
     dgfem_skin *last = NULL;
-    for (int b = 0; b < count; b++) {
-        dgfem_status status =
-            dgfemi_skin_cut(last ? last : skin, next, &blades[b], b + 1 < count ? NULL : skin->embedding, out);
+    dgfemi_ints element;
+    memset(&element, 0, sizeof element);
+    for (int v = 0; !status && v < skin->vertex_count; v++)
+        if (!dgfemi_push(hooks, &element, skin->embedding->point_element[v])) status = dgfemi_fail_memory(hooks);
+    for (int b = 0; !status && b < count; b++) {
+        int end = b + 1 == count;
+        status = dgfemi_skin_cut(last ? last : skin, next, body, &blades[b], end, end ? skin->embedding : NULL,
+                                 &element, out);
         dgfem_skin_destroy(last);
-        if (status) return status;
         last = *out;
     }
-    return DGFEM_OK;
+    dgfemi_free(hooks, element.data);
+    return status;
 }
 
-static dgfem_status dgfemi_cut_skins(const dgfem_cut_desc *desc, const dgfem_body *next, const dgfemi_blade *blades,
-                                     int count, dgfem_skin **cut) {
+static dgfem_status dgfemi_cut_skins(const dgfem_cut_desc *desc, const dgfem_body *body, const dgfem_body *next,
+                                     const dgfemi_blade *blades, int count, dgfem_skin **cut) {
     dgfem_status status = DGFEM_OK;
     for (int i = 0; !status && i < desc->skin_count; i++) {
-        status = dgfemi_cut_skin(desc->skins[i], next, blades, count, &cut[i]);
+        status = dgfemi_cut_skin(desc->skins[i], body, next, blades, count, &cut[i]);
         if (status) cut[i] = NULL;
     }
     if (status)
@@ -777,7 +784,7 @@ static dgfem_status dgfemi_cut_finish(dgfemi_edit *edit, dgfem_body *body, const
     dgfem_status status = dgfemi_renewal_make(&renewal, edit, body);
     if (!status) {
         if (!dgfemi_separation_find(&renewal, &arena, &separation)) status = dgfemi_fail_memory(&body->hooks);
-        if (!status) status = dgfemi_cut_skins(desc, &renewal.next, blades, count, cut);
+        if (!status) status = dgfemi_cut_skins(desc, body, &renewal.next, blades, count, cut);
         if (status) dgfemi_renewal_abort(&renewal);
         else dgfemi_renewal_accept(&renewal);
     }

@@ -23,6 +23,8 @@ typedef struct dgfemi_segment_head {
 /* Zeroed memory with `mesh` set is a valid one. It serves many planes: what it allocates is kept. */
 typedef struct dgfemi_joiner {
     const dgfem_mesh *mesh;
+    int *label;                 /* [vertex_count] a hole belongs to a loop of its own label, if there is one; or NULL */
+    int drop_open;              /* 1: chains that do not close are dropped; 0: they are an error */
     int axis_u, axis_v;         /* the two coordinates looked at, right-handed about the normal */
     dgfemi_segment_head *heads; /* [vertex_count] first segment that leaves the vertex */
     int heads_capacity;
@@ -169,9 +171,13 @@ static dgfem_status dgfemi_join_loops(dgfemi_joiner *joiner, dgfemi_segments *se
             if (!dgfemi_push(hooks, &joiner->vertices, segments->data[i].from)) return DGFEM_ERROR_MEMORY;
             end = segments->data[i].to;
             i = dgfemi_join_follow(joiner, segments, i);
-            if (i == DGFEM_NONE)
-                return dgfemi_fail(hooks, DGFEM_ERROR_INVARIANT, "the cut does not close at vertex %d", end);
-        } while (i != first);
+        } while (i != first && i != DGFEM_NONE);
+        if (i == DGFEM_NONE && !joiner->drop_open)
+            return dgfemi_fail(hooks, DGFEM_ERROR_INVARIANT, "the cut does not close at vertex %d", end);
+        if (i == DGFEM_NONE) {
+            joiner->vertices.count = joiner->start.data[joiner->start.count - 1];
+            continue;
+        }
         if (!dgfemi_push(hooks, &joiner->start, joiner->vertices.count)) return DGFEM_ERROR_MEMORY;
     }
     return DGFEM_OK;
@@ -211,12 +217,13 @@ static int dgfemi_join_cross(const dgfemi_joiner *joiner, int a, int b, dgfem_re
 
 /* The loop that a ray from this loop's vertex of smallest u towards smaller u meets first. An edge that bounds the
    region there has it on the side of larger u and so runs down, towards smaller v. For a loop that is known to be a hole
-   only such edges count; any other loop is a hole if the first edge of all is such a one. DGFEM_NONE: no hole.
+   only such edges count; any other loop is a hole if the first edge of all is such a one. Only loops of its `label`
+   count, which may be NULL. DGFEM_NONE: no hole.
 
           |   region    +---+
           v  <----------+   |  hole
           |             +---+                                                                     */
-static int dgfemi_join_hole_neighbour(const dgfemi_joiner *joiner, int hole, int known) {
+static int dgfemi_join_hole_neighbour(const dgfemi_joiner *joiner, int hole, int known, const int *label) {
     const int *vertices = joiner->vertices.data, *start = joiner->start.data;
     int extreme = vertices[start[hole]], nearest = DGFEM_NONE, nearest_down = 0, loop, i, down;
     dgfem_real u, v, at, best = 0;
@@ -225,7 +232,7 @@ static int dgfemi_join_hole_neighbour(const dgfemi_joiner *joiner, int hole, int
     u = dgfemi_join_u(joiner, extreme), v = dgfemi_join_v(joiner, extreme);
     for (loop = 0; loop < dgfemi_join_loop_count(joiner); loop++) {
         int a, b = vertices[start[loop + 1] - 1];
-        if (loop == hole) continue;
+        if (loop == hole || (label && label[b] != label[extreme])) continue;
         for (i = start[loop]; i < start[loop + 1]; i++) {
             a = b, b = vertices[i];
             if (!dgfemi_join_cross(joiner, a, b, u, v, &at, &down) || (known && !down)) continue;
@@ -248,7 +255,9 @@ static dgfem_status dgfemi_join_regions(dgfemi_joiner *joiner) {
     for (loop = 0; loop < count; loop++) {
         dgfem_real noise, area = dgfemi_join_area(joiner, loop, &noise);
         if (area > noise) continue;
-        owner[loop] = dgfemi_join_hole_neighbour(joiner, loop, area < -noise);
+        owner[loop] = dgfemi_join_hole_neighbour(joiner, loop, area < -noise, joiner->label);
+        if (owner[loop] == DGFEM_NONE && joiner->label && area < -noise)
+            owner[loop] = dgfemi_join_hole_neighbour(joiner, loop, 1, NULL);
         if (owner[loop] == DGFEM_NONE) owner[loop] = loop;
     }
     for (loop = 0; loop < count; loop++) {

@@ -368,6 +368,7 @@ static dgfem_vec3 dgfemi_direction(int i) {
 }
 
 enum {
+    DGFEM_TRIALS = 4,         /* cuts along different directions that are narrowed, to take the best */
     DGFEM_SMALLEST_PART = 48, /* vertices; smaller parts are left to minimum degree */
     DGFEM_KEY_BITS = 10       /* places along a direction are rounded to twice as many bits: ties survive round-off */
 };
@@ -379,19 +380,23 @@ typedef struct dgfemi_dissection {
     int *sorted[DGFEM_DIRECTIONS]; /* vertices by place along each direction; a part is the same range of each list */
     int *part;                     /* [count] of each vertex; DGFEM_NONE in a separator */
     int parts;                     /* made so far */
-    int *degree;                   /* [count] neighbours within the part */
-    int *ahead;                    /* [count] those of them that a sweep has not passed */
-    unsigned char *side;           /* [count] a dgfemi_side */
     int *scratch;                  /* [count] */
+    /* the part that is being dissected: its vertices are numbered by their places in sorted[0] */
+    int *number;         /* [count] of each vertex of the graph */
+    dgfemi_graph local;  /* without block */
+    int *rank;           /* place along a direction */
+    int *change[3];      /* [count + 2] of the weights passed, in the last layer, in the next layer */
+    unsigned char *side; /* a dgfemi_side */
+    unsigned char *best_side;
     /* the network of dgfemi_narrow_separator */
     int *band, band_count;   /* its vertices */
-    int *level;              /* [count] distance from the separator; DGFEM_NONE outside the band */
-    unsigned char *touches;  /* [count] bit 0: the part passed, bit 1: the part ahead, both without the band */
-    int *before, *after;     /* [count] neighbours on the path through a vertex, or one of the following */
+    int *level;              /* distance from the separator; DGFEM_NONE outside the band */
+    unsigned char *touches;  /* bit 0: the part passed, bit 1: the part ahead, both without the band */
+    int *before, *after;     /* neighbours on the path through a vertex, or one of the following */
     int *stack, *list;       /* [2 * count] states to go on from, all states that a search has reached */
     int *from;               /* [2 * count] the state that each was reached from */
     unsigned char *reached;  /* [2 * count] */
-    unsigned char *old_side; /* [count] */
+    unsigned char *old_side;
 } dgfemi_dissection;
 
 /* A sweep along a direction that stops after `passed` vertices. The separator is the layer of vertices with a neighbour
@@ -403,6 +408,7 @@ typedef struct dgfemi_cut {
 } dgfemi_cut;
 
 #define DGFEM_NO_CUT 1e300
+#define DGFEM_WORTH_IT 0.97 /* a later trial must be so much cheaper: the first cut suits the grid, if there is one */
 
 /* Weights of the separator and of what lies to its sides. The ratio cut weighs a small separator against even halves;
    the 1 lets even halves win where nothing need be cut. */
@@ -423,7 +429,7 @@ static void dgfemi_sort_by_digit(const int *key, int shift, const int *from, int
 
 /* Lists the vertices by their place along a direction, ties by index. */
 static void dgfemi_sort_along(dgfemi_dissection *d, const dgfem_vec3 *points, dgfem_vec3 direction, int *sorted) {
-    int n = d->graph->count, *key = d->ahead, i;
+    int n = d->graph->count, *key = d->rank, i;
     dgfem_real low = dgfemi_dot(direction, points[0]), high = low, scale;
     for (i = 1; i < n; i++) {
         dgfem_real place = dgfemi_dot(direction, points[i]);
@@ -463,63 +469,87 @@ static void dgfemi_normalise_axis(const dgfemi_graph *graph, dgfem_real *x) {
 
 /* ---- cutting by a sweep ---- */
 
-/* The sweep passes vertex v = sorted[at]. *last_layer and *next_layer are the weights of the two possible separators:
-   passed vertices with a neighbour ahead, vertices ahead with a passed neighbour. */
-static void dgfemi_sweep_past(dgfemi_dissection *d, int v, double *last_layer, double *next_layer) {
+/* Numbers the vertices of a part and gathers its edges. Returns its weight, 0 when it has no edges. */
+static double dgfemi_make_local(dgfemi_dissection *d, int first, int last) {
     const dgfemi_graph *graph = d->graph;
-    int k;
-    if (d->ahead[v] < d->degree[v]) *next_layer -= graph->weight[v];
-    if (d->ahead[v] > 0) *last_layer += graph->weight[v];
-    d->side[v] = DGFEM_SIDE_PASSED;
-    for (k = graph->start[v]; k < graph->start[v + 1]; k++) {
-        int u = graph->neighbour[k];
-        if (d->part[u] != d->part[v]) continue;
-        d->ahead[u]--;
-        if (d->side[u] == DGFEM_SIDE_PASSED && d->ahead[u] == 0) *last_layer -= graph->weight[u];
-        if (d->side[u] == DGFEM_SIDE_AHEAD && d->ahead[u] == d->degree[u] - 1) *next_layer += graph->weight[u];
+    const int *vertices = d->sorted[0] + first;
+    dgfemi_graph *local = &d->local;
+    int edges = 0, i, k;
+    double total = 0;
+    local->count = last - first;
+    for (i = 0; i < local->count; i++) d->number[vertices[i]] = i;
+    for (i = 0; i < local->count; i++) {
+        int v = vertices[i];
+        local->start[i] = edges;
+        local->weight[i] = graph->weight[v];
+        total += graph->weight[v];
+        for (k = graph->start[v]; k < graph->start[v + 1]; k++) {
+            int u = graph->neighbour[k];
+            if (d->part[u] == d->part[v]) local->neighbour[edges++] = d->number[u];
+        }
+    }
+    local->start[local->count] = edges;
+    return edges ? total : 0;
+}
+
+/* A sweep stops after some vertices; those with lower ranks are passed then. v is in the last layer (passed, with a
+   neighbour ahead) from when it is passed until its last neighbour is, and in the next layer (ahead, with a passed
+   neighbour) from when its first neighbour is passed until itself is. */
+static void dgfemi_sweep_changes(dgfemi_dissection *d) {
+    const dgfemi_graph *local = &d->local;
+    int *passed = d->change[0], *last_layer = d->change[1], *next_layer = d->change[2], v, k;
+    for (k = 0; k < 3; k++) memset(d->change[k], 0, ((size_t)local->count + 2) * sizeof(int));
+    for (v = 0; v < local->count; v++) {
+        int rank = d->rank[v], low = rank, high = rank, weight = local->weight[v];
+        for (k = local->start[v]; k < local->start[v + 1]; k++) {
+            int other = d->rank[local->neighbour[k]];
+            low = other < low ? other : low;
+            high = other > high ? other : high;
+        }
+        passed[rank + 1] += weight;
+        last_layer[rank + 1] += weight;
+        last_layer[high + 1] -= weight;
+        next_layer[low + 1] += weight;
+        next_layer[rank + 1] -= weight;
     }
 }
 
-/* Improves *best by the places where a sweep along one direction may stop. */
-static void dgfemi_sweep(dgfemi_dissection *d, int direction, int first, int last, double total, dgfemi_cut *best) {
-    const int *sorted = d->sorted[direction];
-    double passed = 0, layer[2] = {0, 0};
+/* Improves *best by the places where a sweep along one direction may stop. The separator is one of the two layers. */
+static void dgfemi_sweep(dgfemi_dissection *d, int direction, int first, double total, dgfemi_cut *best) {
+    const int *sorted = d->sorted[direction] + first;
+    double weight[3] = {0, 0, 0};
     int at, i;
-    for (at = first; at < last; at++) {
-        d->ahead[sorted[at]] = d->degree[sorted[at]];
-        d->side[sorted[at]] = DGFEM_SIDE_AHEAD;
-    }
-    for (at = first; at < last; at++) {
-        passed += d->graph->weight[sorted[at]];
-        dgfemi_sweep_past(d, sorted[at], &layer[0], &layer[1]);
+    for (at = 0; at < d->local.count; at++) d->rank[d->number[sorted[at]]] = at;
+    dgfemi_sweep_changes(d);
+    for (at = 1; at <= d->local.count; at++) {
+        for (i = 0; i < 3; i++) weight[i] += d->change[i][at];
         for (i = 0; i < 2; i++) {
-            double separator = layer[i], before = i == 0 ? passed - separator : passed;
-            double cost = dgfemi_cut_cost(separator, before, total - separator - before);
+            double separator = weight[1 + i], before = i == 0 ? weight[0] - separator : weight[0];
+            double after = total - separator - before, cost;
+            /* what is no better needs no exact cost; equal ones must not win by round-off */
+            if (separator + 1 >= best->cost * (1 - 1e-12) * before * after) continue;
+            cost = dgfemi_cut_cost(separator, before, after);
             if (!(cost < best->cost)) continue;
             best->cost = cost;
             best->direction = direction;
-            best->passed = at + 1 - first;
+            best->passed = at;
             best->ahead = i;
         }
     }
 }
 
 /* Sets the side of every vertex of the part. */
-static void dgfemi_apply_cut(dgfemi_dissection *d, int first, int last, const dgfemi_cut *cut) {
-    const dgfemi_graph *graph = d->graph;
-    const int *sorted = d->sorted[cut->direction];
+static void dgfemi_apply_cut(dgfemi_dissection *d, int first, const dgfemi_cut *cut) {
+    const dgfemi_graph *local = &d->local;
+    const int *sorted = d->sorted[cut->direction] + first;
     int own = cut->ahead ? DGFEM_SIDE_AHEAD : DGFEM_SIDE_PASSED;
     int other = cut->ahead ? DGFEM_SIDE_PASSED : DGFEM_SIDE_AHEAD;
-    int at, k;
-    for (at = first; at < last; at++)
-        d->side[sorted[at]] = at < first + cut->passed ? DGFEM_SIDE_PASSED : DGFEM_SIDE_AHEAD;
-    for (at = first; at < last; at++) {
-        int v = sorted[at];
-        for (k = graph->start[v]; k < graph->start[v + 1] && d->side[v] == own; k++) {
-            int u = graph->neighbour[k];
-            if (d->part[u] == d->part[v] && d->side[u] == other) d->side[v] = DGFEM_SIDE_SEPARATOR;
-        }
-    }
+    int at, v, k;
+    for (at = 0; at < local->count; at++)
+        d->side[d->number[sorted[at]]] = at < cut->passed ? DGFEM_SIDE_PASSED : DGFEM_SIDE_AHEAD;
+    for (v = 0; v < local->count; v++)
+        for (k = local->start[v]; k < local->start[v + 1] && d->side[v] == own; k++)
+            if (d->side[local->neighbour[k]] == other) d->side[v] = DGFEM_SIDE_SEPARATOR;
 }
 
 /* ---- narrowing a separator ----
@@ -536,25 +566,24 @@ static void dgfemi_apply_cut(dgfemi_dissection *d, int first, int last, const dg
 enum { DGFEM_PATH_ENDS = -2 }; /* in before[] and after[]: the path comes from, or goes to, the side */
 
 /* All vertices of the part within `depth` edges of the separator. */
-static void dgfemi_collect_band(dgfemi_dissection *d, int first, int last, int depth) {
-    const dgfemi_graph *graph = d->graph;
-    int at, k;
+static void dgfemi_collect_band(dgfemi_dissection *d, int depth) {
+    const dgfemi_graph *local = &d->local;
+    int at, v, k;
     d->band_count = 0;
-    for (at = first; at < last; at++) {
-        int v = d->sorted[0][at];
+    for (v = 0; v < local->count; v++) {
         d->level[v] = DGFEM_NONE;
         if (d->side[v] != DGFEM_SIDE_SEPARATOR) continue;
         d->level[v] = 0;
         d->band[d->band_count++] = v;
     }
     for (at = 0; at < d->band_count; at++) {
-        int v = d->band[at];
+        v = d->band[at];
         d->touches[v] = d->reached[2 * v] = d->reached[2 * v + 1] = 0;
         d->before[v] = d->after[v] = DGFEM_NONE;
         d->old_side[v] = d->side[v];
-        for (k = graph->start[v]; k < graph->start[v + 1]; k++) {
-            int u = graph->neighbour[k];
-            if (d->part[u] != d->part[v] || d->level[u] != DGFEM_NONE) continue;
+        for (k = local->start[v]; k < local->start[v + 1]; k++) {
+            int u = local->neighbour[k];
+            if (d->level[u] != DGFEM_NONE) continue;
             if (d->level[v] == depth) {
                 d->touches[v] |= d->side[u] == DGFEM_SIDE_PASSED ? 1 : 2;
                 continue;
@@ -576,7 +605,7 @@ static void dgfemi_reach(dgfemi_dissection *d, int state, int from, int *stacked
    the exit that it leaves the band by, or DGFEM_NONE. What a vain search has reached stays marked: no later search can
    find a way out from there either. */
 static int dgfemi_find_path(dgfemi_dissection *d, int source) {
-    const dgfemi_graph *graph = d->graph;
+    const dgfemi_graph *local = &d->local;
     int stacked = 0, listed = 0, end = DGFEM_NONE, k;
     dgfemi_reach(d, 2 * source, DGFEM_NONE, &stacked, &listed);
     while (stacked > 0 && end == DGFEM_NONE) {
@@ -588,9 +617,9 @@ static int dgfemi_find_path(dgfemi_dissection *d, int source) {
         }
         if (d->touches[v] & 2) end = state;
         if (taken) dgfemi_reach(d, state - 1, state, &stacked, &listed);
-        for (k = graph->start[v]; k < graph->start[v + 1]; k++) {
-            int u = graph->neighbour[k];
-            if (d->part[u] == d->part[v] && d->level[u] != DGFEM_NONE) dgfemi_reach(d, 2 * u, state, &stacked, &listed);
+        for (k = local->start[v]; k < local->start[v + 1]; k++) {
+            int u = local->neighbour[k];
+            if (d->level[u] != DGFEM_NONE) dgfemi_reach(d, 2 * u, state, &stacked, &listed);
         }
     }
     if (end != DGFEM_NONE)
@@ -614,10 +643,10 @@ static void dgfemi_take_path(dgfemi_dissection *d, int last) {
 
 /* Replaces the separator by the smallest one within the band if that costs less; 1 if so. Vertices count as one each
    here, by their weights in the cost. */
-static int dgfemi_narrow_separator(dgfemi_dissection *d, int first, int last, int depth, double *cost) {
+static int dgfemi_narrow_separator(dgfemi_dissection *d, int depth, double *cost) {
     double weight[3] = {0, 0, 0}, new_cost;
-    int at, i;
-    dgfemi_collect_band(d, first, last, depth);
+    int i;
+    dgfemi_collect_band(d, depth);
     for (i = 0; i < d->band_count; i++) {
         int source = d->band[i], path = DGFEM_NONE;
         if (d->touches[source] & 1) path = dgfemi_find_path(d, source);
@@ -629,7 +658,7 @@ static int dgfemi_narrow_separator(dgfemi_dissection *d, int first, int last, in
         if (d->reached[2 * v] || (d->touches[v] & 1))
             d->side[v] = d->reached[2 * v + 1] ? DGFEM_SIDE_PASSED : DGFEM_SIDE_SEPARATOR;
     }
-    for (at = first; at < last; at++) weight[d->side[d->sorted[0][at]]] += d->graph->weight[d->sorted[0][at]];
+    for (i = 0; i < d->local.count; i++) weight[d->side[i]] += d->local.weight[i];
     new_cost = dgfemi_cut_cost(weight[DGFEM_SIDE_SEPARATOR], weight[DGFEM_SIDE_PASSED], weight[DGFEM_SIDE_AHEAD]);
     if (new_cost < *cost) {
         *cost = new_cost;
@@ -642,23 +671,28 @@ static int dgfemi_narrow_separator(dgfemi_dissection *d, int first, int last, in
 /* ---- the recursion ---- */
 
 static int dgfemi_dissection_allocate(dgfemi_dissection *d, dgfemi_arena *arena) {
-    int **arrays[DGFEM_DIRECTIONS + 11];
+    int **arrays[DGFEM_DIRECTIONS + 18];
     size_t n = (size_t)d->graph->count;
     int count = 0, i;
     for (i = 0; i < DGFEM_DIRECTIONS; i++) arrays[count++] = &d->sorted[i];
-    arrays[count++] = &d->part, arrays[count++] = &d->degree, arrays[count++] = &d->ahead;
+    for (i = 0; i < 3; i++) arrays[count++] = &d->change[i];
+    arrays[count++] = &d->part, arrays[count++] = &d->number, arrays[count++] = &d->rank;
+    arrays[count++] = &d->local.start, arrays[count++] = &d->local.weight;
     arrays[count++] = &d->scratch, arrays[count++] = &d->band, arrays[count++] = &d->level;
     arrays[count++] = &d->before, arrays[count++] = &d->after;
     arrays[count++] = &d->stack, arrays[count++] = &d->list, arrays[count++] = &d->from; /* twice as long */
     for (i = 0; i < count; i++) {
-        *arrays[i] = (int *)dgfemi_arena_allocate_zero(arena, i < count - 3 ? n : 2 * n, sizeof(int));
+        *arrays[i] = (int *)dgfemi_arena_allocate(arena, i < count - 3 ? n + 2 : 2 * n, sizeof(int));
         if (!*arrays[i]) return 0;
     }
+    memset(d->part, 0, n * sizeof(int));
+    d->local.neighbour = (int *)dgfemi_arena_allocate(arena, (size_t)d->graph->start[n], sizeof(int));
     d->side = (unsigned char *)dgfemi_arena_allocate(arena, n, 1);
+    d->best_side = (unsigned char *)dgfemi_arena_allocate(arena, n, 1);
     d->old_side = (unsigned char *)dgfemi_arena_allocate(arena, n, 1);
     d->touches = (unsigned char *)dgfemi_arena_allocate(arena, n, 1);
     d->reached = (unsigned char *)dgfemi_arena_allocate(arena, 2 * n, 1);
-    return d->side && d->old_side && d->touches && d->reached;
+    return d->local.neighbour && d->side && d->best_side && d->old_side && d->touches && d->reached;
 }
 
 /* Lists the vertices along all directions. 0 when out of memory. */
@@ -675,49 +709,53 @@ static int dgfemi_dissection_sort(dgfemi_dissection *d, dgfemi_arena *arena, con
     return 1;
 }
 
-/* Counts the neighbours within the part. Returns its weight, 0 when it has no edges. */
-static double dgfemi_part_degrees(dgfemi_dissection *d, int first, int last) {
-    const dgfemi_graph *graph = d->graph;
-    double total = 0;
-    int edges = 0, at, k;
-    for (at = first; at < last; at++) {
-        int v = d->sorted[0][at];
-        d->degree[v] = 0;
-        for (k = graph->start[v]; k < graph->start[v + 1]; k++)
-            d->degree[v] += d->part[graph->neighbour[k]] == d->part[v];
-        edges += d->degree[v];
-        total += graph->weight[v];
-    }
-    return edges ? total : 0;
-}
-
 /* Sorts the range of a list by side, otherwise in its order. */
 static void dgfemi_split_list(dgfemi_dissection *d, int *list, int count, const int sizes[3]) {
     int place[3], i;
     place[0] = 0, place[1] = sizes[0], place[2] = sizes[0] + sizes[1];
-    for (i = 0; i < count; i++) d->scratch[place[d->side[list[i]]]++] = list[i];
+    for (i = 0; i < count; i++) d->scratch[place[d->side[d->number[list[i]]]]++] = list[i];
     memcpy(list, d->scratch, (size_t)count * sizeof *list);
+}
+
+/* Sets the sides by the cheapest separator found: the best cuts of several directions, each narrowed. Returns its cost,
+   or DGFEM_NO_CUT. */
+static double dgfemi_find_separator(dgfemi_dissection *d, int first, double total) {
+    dgfemi_cut cuts[DGFEM_DIRECTIONS];
+    double best_cost = DGFEM_NO_CUT;
+    int trial, i;
+    for (i = 0; i < DGFEM_DIRECTIONS; i++) {
+        cuts[i].cost = DGFEM_NO_CUT;
+        dgfemi_sweep(d, i, first, total, &cuts[i]);
+    }
+    for (trial = 0; trial < DGFEM_TRIALS; trial++) {
+        dgfemi_cut *best = &cuts[0];
+        double cost;
+        for (i = 1; i < DGFEM_DIRECTIONS; i++)
+            if (cuts[i].cost < best->cost * (1 - 1e-12)) best = &cuts[i];
+        cost = best->cost;
+        if (!(cost < DGFEM_NO_CUT)) break;
+        dgfemi_apply_cut(d, first, best);
+        best->cost = DGFEM_NO_CUT;
+        for (i = 0; i < 4; i++) /* twice in a band that follows the cut closely, then twice in a wider one */
+            if (!dgfemi_narrow_separator(d, 1 + i / 2, &cost)) break;
+        if (!(cost < best_cost * DGFEM_WORTH_IT)) continue;
+        best_cost = cost;
+        memcpy(d->best_side, d->side, (size_t)d->local.count);
+    }
+    if (best_cost < DGFEM_NO_CUT) memcpy(d->side, d->best_side, (size_t)d->local.count);
+    return best_cost;
 }
 
 /* Splits a part into one ahead, one passed and a separator, in this order; `sizes` are theirs. 0 where no cut is worth
    while, as when all places are equal or everything is coupled to everything. */
 static int dgfemi_dissect(dgfemi_dissection *d, int first, int last, int sizes[3]) {
-    double total = dgfemi_part_degrees(d, first, last);
-    dgfemi_cut best;
-    int i, at;
-    if (!(total > 0)) return 0;
-    memset(&best, 0, sizeof best);
-    best.cost = DGFEM_NO_CUT;
-    for (i = 0; i < DGFEM_DIRECTIONS; i++) dgfemi_sweep(d, i, first, last, total, &best);
-    if (!(best.cost < DGFEM_NO_CUT)) return 0;
-    dgfemi_apply_cut(d, first, last, &best);
-    for (i = 0; i < 4; i++) /* twice in a band that follows the cut closely, then twice in a wider one */
-        if (!dgfemi_narrow_separator(d, first, last, 1 + i / 2, &best.cost)) break;
+    double total = dgfemi_make_local(d, first, last);
+    int i;
+    if (!(total > 0) || !(dgfemi_find_separator(d, first, total) < DGFEM_NO_CUT)) return 0;
     sizes[0] = sizes[1] = sizes[2] = 0;
-    for (at = first; at < last; at++) {
-        int v = d->sorted[0][at];
-        d->part[v] = d->side[v] == DGFEM_SIDE_SEPARATOR ? DGFEM_NONE : d->parts + d->side[v];
-        sizes[d->side[v]]++;
+    for (i = 0; i < last - first; i++) {
+        d->part[d->sorted[0][first + i]] = d->side[i] == DGFEM_SIDE_SEPARATOR ? DGFEM_NONE : d->parts + d->side[i];
+        sizes[d->side[i]]++;
     }
     for (i = 0; i < DGFEM_DIRECTIONS; i++) dgfemi_split_list(d, d->sorted[i] + first, last - first, sizes);
     d->parts += 2;

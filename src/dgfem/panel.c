@@ -1,312 +1,285 @@
 #pragma once
 #include "base.c"
-/* Dense kernels of the sparse Cholesky factorization. A panel is what one supernode has of L: a lower triangle D over a
-   rectangle B, of the same columns.
+/* Panels of the Cholesky factor, and the instruction sets that their dense kernels are compiled for and chosen from.
 
-   It is stored in strips of DGFEM_STRIP rows, first those of D, then those of B, each padded with rows of zeros to whole
-   strips. A strip holds one column after the other: element (r, k) is strip[k * DGFEM_STRIP + r]. So the operands of
-   every product come in the order in which the innermost kernel reads them. D's diagonal holds the reciprocals of
-   L's. */
+   A panel is what one supernode has of L: a lower triangle D over a rectangle B, of the same columns. It is stored in
+   strips of rows (see kernels.c), first those of D, then those of B, each padded with rows of zeros to whole strips.
+   D's diagonal holds the reciprocals of L's. The update U of a supernode is stored in strips of the same size, each
+   with the columns up to its own last row. */
 
-#ifndef DGFEM_STRIP
-#if DGFEM_REAL_IS_FLOAT || defined(__AVX__)
-#define DGFEM_STRIP 8
-#else
-#define DGFEM_STRIP 4
-#endif
+typedef struct dgfemi_panel {
+    dgfem_real *values;
+    int width, height; /* columns; rows of B */
+} dgfemi_panel;
+
+/* Consecutive rows (or columns) of a child's update that are consecutive in its parent's front too, on one side of its
+   width. */
+typedef struct dgfemi_run {
+    int row, front_row, length;
+} dgfemi_run;
+
+/* A child's update and where it goes: its columns by runs; its rows by segments, which are runs cut at the ends of all
+   strips. Either the columns of the panel are added to, then update is NULL, or those of the front's own update. */
+typedef struct dgfemi_extension {
+    const dgfem_real *child;
+    const dgfemi_run *runs, *segments;
+    int run_count;
+    dgfemi_panel panel;
+    dgfem_real *update;
+} dgfemi_extension;
+
+/* A stored block of A and where it goes in a front: as it is, or transposed where the order of elimination swaps its
+   row and column. */
+typedef struct dgfemi_entry {
+    int block, rows, columns;
+    int front_row, front_column, transposed;
+} dgfemi_entry;
+
+/* The kernels for one instruction set. Ranges are of strips, or of segments. */
+typedef struct dgfemi_kernels {
+    dgfem_simd simd;
+    int strip, tile, lanes; /* rows of a strip, columns of a tile, reals of a vector */
+    int (*factor_strips)(const dgfemi_panel *p, int first, int last, int from, int to, const dgfem_real *diagonal);
+    void (*update_strips)(const dgfemi_panel *p, int first, int last, int from, int to);
+    void (*make_update)(const dgfemi_panel *p, dgfem_real *u, int first, int last);
+    void (*clear_panel)(const dgfemi_panel *p, int first, int last);
+    void (*add_update)(const dgfemi_extension *extension, int first, int last);
+    void (*add_block)(const dgfemi_panel *p, const dgfemi_entry *entry, const dgfem_real *block);
+    void (*solve_panel)(const dgfemi_panel *p, dgfem_real *x, dgfem_real *below);
+    void (*solve_panel_transposed)(const dgfemi_panel *p, dgfem_real *x, const dgfem_real *below, dgfem_real *sums);
+    void (*multiply_block)(const dgfem_real *a, int rows, int columns, const dgfem_real *x, dgfem_real *y,
+                           const dgfem_real *z, dgfem_real *w);
+} dgfemi_kernels;
+
+#ifdef DGFEM_USE_BLAS
+# include <cblas.h>
 #endif
 
 enum {
-    DGFEM_TILE = 4,            /* columns of a tile, which has the rows of a strip; divides DGFEM_STRIP */
-    DGFEM_PANEL_COLUMNS = 256, /* columns that are factored before they update the rest; whole strips */
-    DGFEM_UPDATE_COLUMNS = 128 /* columns that are updated together: their strips stay in cache; whole strips */
+    DGFEM_PANEL_COLUMNS = 240, /* columns that are factored before they update the rest; whole strips of every path */
+    DGFEM_UPDATE_COLUMNS = 144 /* columns that are updated together: their strips stay in cache; likewise */
 };
-
-/* ---- tiles ---- */
-
-static int dgfemi_strips(int rows) { return rows / DGFEM_STRIP + (rows % DGFEM_STRIP != 0); }
-
-/* sum[c][r] = sum over k of a(r, k) b(c, k): the kernel that does nearly all the work. a and b point into strips. */
-static void dgfemi_tile_product(const dgfem_real *a, const dgfem_real *b, int count,
-                                dgfem_real sum[DGFEM_TILE * DGFEM_STRIP]) {
-    dgfem_real s0[DGFEM_STRIP], s1[DGFEM_STRIP], s2[DGFEM_STRIP], s3[DGFEM_STRIP];
-    int r;
-    for (r = 0; r < DGFEM_STRIP; r++) s0[r] = s1[r] = s2[r] = s3[r] = 0;
-    for (; count > 0; count--, a += DGFEM_STRIP, b += DGFEM_STRIP) {
-        dgfem_real b0 = b[0], b1 = b[1], b2 = b[2], b3 = b[3];
-        for (r = 0; r < DGFEM_STRIP; r++) {
-            dgfem_real x = a[r];
-            s0[r] += x * b0;
-            s1[r] += x * b1;
-            s2[r] += x * b2;
-            s3[r] += x * b3;
-        }
-    }
-    for (r = 0; r < DGFEM_STRIP; r++) {
-        sum[r] = s0[r];
-        sum[DGFEM_STRIP + r] = s1[r];
-        sum[2 * DGFEM_STRIP + r] = s2[r];
-        sum[3 * DGFEM_STRIP + r] = s3[r];
-    }
-}
-
-/* x -= a b^T for a tile of `columns` columns. */
-static void dgfemi_tile_subtract(const dgfem_real *a, const dgfem_real *b, int count, dgfem_real *x, int columns) {
-    dgfem_real sum[DGFEM_TILE * DGFEM_STRIP];
-    int i;
-    if (count == 0) return;
-    dgfemi_tile_product(a, b, count, sum);
-    for (i = 0; i < columns * DGFEM_STRIP; i++) x[i] -= sum[i];
-}
 
 /* A pivot that round-off has left of the diagonal element of A carries no digit: such a matrix is singular to working
    precision, and the pivot counts as not positive. */
 #define DGFEM_PIVOT_THRESHOLD ((dgfem_real)(8 * DGFEM_EPSILON))
 
-/* Cholesky of the square part of a tile on the diagonal, whose first column is row `offset` of the strip; solves for
-   the rows below. Returns the column whose pivot fails, or DGFEM_NONE. */
-static int dgfemi_tile_cholesky(dgfem_real *x, int columns, int offset, const dgfem_real *diagonal) {
-    int c, d, r;
-    for (c = 0; c < columns; c++) {
-        dgfem_real *xc = x + c * DGFEM_STRIP;
-        dgfem_real pivot = xc[offset + c], reciprocal;
-        if (!(pivot > DGFEM_PIVOT_THRESHOLD * dgfemi_abs(diagonal[c])) || !dgfemi_is_finite(pivot)) return c;
-        reciprocal = 1 / dgfemi_sqrt(pivot);
-        for (r = 0; r < DGFEM_STRIP; r++) xc[r] = r < offset + c ? 0 : xc[r] * reciprocal;
-        for (d = c + 1; d < columns; d++) {
-            dgfem_real factor = xc[offset + d];
-            for (r = 0; r < DGFEM_STRIP; r++) x[d * DGFEM_STRIP + r] -= factor * xc[r];
-        }
-        xc[offset + c] = reciprocal;
-    }
-    return DGFEM_NONE;
+static int dgfemi_pivot_is_good(dgfem_real pivot, dgfem_real diagonal) {
+    return pivot > DGFEM_PIVOT_THRESHOLD * dgfemi_abs(diagonal) && dgfemi_is_finite(pivot);
 }
 
-/* x = x T^-T, T the square part of a tile on the diagonal. */
-static void dgfemi_tile_solve(dgfem_real *x, int columns, const dgfem_real *t) {
-    int c, d, r;
-    for (c = 0; c < columns; c++) {
-        dgfem_real *xc = x + c * DGFEM_STRIP;
-        for (r = 0; r < DGFEM_STRIP; r++) xc[r] *= t[c * DGFEM_STRIP + c];
-        for (d = c + 1; d < columns; d++) {
-            dgfem_real factor = t[c * DGFEM_STRIP + d];
-            for (r = 0; r < DGFEM_STRIP; r++) x[d * DGFEM_STRIP + r] -= factor * xc[r];
-        }
-    }
-}
+/* Loops of a few constant iterations, whose arrays then live in registers; and the one that must not be unrolled. */
+#if defined(__clang__)
+#define DGFEM_UNROLL _Pragma("clang loop unroll(full)")
+#define DGFEM_ROLLED _Pragma("clang loop unroll(disable)")
+#elif defined(__GNUC__)
+#define DGFEM_UNROLL _Pragma("GCC unroll 16")
+#define DGFEM_ROLLED _Pragma("GCC unroll 1")
+#else
+#define DGFEM_UNROLL
+#define DGFEM_ROLLED
+#endif
 
-/* ---- panels ---- */
+/* ---- plain C ---- */
 
-typedef struct dgfemi_panel {
-    dgfem_real *values;
-    int width, height;
-} dgfemi_panel;
+#define DGFEM_PATH(name) name##_plain
+#define DGFEM_PATH_ID DGFEM_SIMD_NONE
+#define DGFEM_VECTOR dgfem_real
+#define DGFEM_V_LANES 1
+#define DGFEM_VECTORS 4
+#define DGFEM_TILE 4
+#define DGFEM_V_LOAD(p) (*(p))
+#define DGFEM_V_STORE(p, v) (*(p) = (v))
+#define DGFEM_V_ALL(x) ((dgfem_real)(x))
+#define DGFEM_V_ADD(a, b) ((a) + (b))
+#define DGFEM_V_SUB(a, b) ((a) - (b))
+#define DGFEM_V_MUL(a, b) ((a) * (b))
+#define DGFEM_V_FMA(a, b, c) ((a) * (b) + (c))
+#define DGFEM_V_FNMA(a, b, c) ((c) - (a) * (b))
+#include "kernels.c"
 
-static int dgfemi_panel_strips(const dgfemi_panel *p) { return dgfemi_strips(p->width) + dgfemi_strips(p->height); }
+/* ---- x86 ---- */
 
-static dgfem_real *dgfemi_strip(const dgfemi_panel *p, int strip) {
-    return p->values + (size_t)strip * DGFEM_STRIP * (size_t)p->width;
-}
+#if !defined(DGFEM_NO_SIMD) && defined(__GNUC__) && defined(__SSE2__) && (defined(__x86_64__) || defined(__i386__))
+#define DGFEM_HAS_X86 1
+#include <immintrin.h>
 
-/* Row `row` of D, from column `column` on: the second operand of a product. */
-static const dgfem_real *dgfemi_pivot_row(const dgfemi_panel *p, int row, int column) {
-    return dgfemi_strip(p, row / DGFEM_STRIP) + (size_t)column * DGFEM_STRIP + row % DGFEM_STRIP;
-}
+#if DGFEM_REAL_IS_FLOAT
+#define DGFEM_X86_NAME(prefix, op) prefix##op##_ps
+#else
+#define DGFEM_X86_NAME(prefix, op) prefix##op##_pd
+#endif
 
-/* The column that a strip's columns end before: those of D end at the diagonal. */
-static int dgfemi_strip_end(const dgfemi_panel *p, int strip, int limit) {
-    int end = strip < dgfemi_strips(p->width) ? (strip + 1) * DGFEM_STRIP : p->width;
-    if (end > p->width) end = p->width;
-    return end < limit ? end : limit;
-}
+#define DGFEM_PATH(name) name##_sse2
+#define DGFEM_PATH_ID DGFEM_SIMD_SSE2
+#define DGFEM_VECTORS 2
+#define DGFEM_TILE 4
+#if DGFEM_REAL_IS_FLOAT
+#define DGFEM_VECTOR __m128
+#define DGFEM_V_LANES 4
+#else
+#define DGFEM_VECTOR __m128d
+#define DGFEM_V_LANES 2
+#endif
+#define DGFEM_V_LOAD(p) DGFEM_X86_NAME(_mm_, loadu)(p)
+#define DGFEM_V_STORE(p, v) DGFEM_X86_NAME(_mm_, storeu)(p, v)
+#define DGFEM_V_ALL(x) DGFEM_X86_NAME(_mm_, set1)(x)
+#define DGFEM_V_ADD(a, b) DGFEM_X86_NAME(_mm_, add)(a, b)
+#define DGFEM_V_SUB(a, b) DGFEM_X86_NAME(_mm_, sub)(a, b)
+#define DGFEM_V_MUL(a, b) DGFEM_X86_NAME(_mm_, mul)(a, b)
+#define DGFEM_V_FMA(a, b, c) DGFEM_V_ADD(DGFEM_V_MUL(a, b), c)
+#define DGFEM_V_FNMA(a, b, c) DGFEM_V_SUB(c, DGFEM_V_MUL(a, b))
+#include "kernels.c"
 
-static int dgfemi_tile_columns(int column, int end) { return end - column < DGFEM_TILE ? end - column : DGFEM_TILE; }
+#if defined(__clang__)
+#pragma clang attribute push(__attribute__((target("avx2,fma"))), apply_to = function)
+#else
+#pragma GCC push_options
+#pragma GCC target("avx2,fma")
+#endif
+#define DGFEM_PATH(name) name##_avx2
+#define DGFEM_PATH_ID DGFEM_SIMD_AVX2
+#define DGFEM_VECTORS 3
+#define DGFEM_TILE 4
+#if DGFEM_REAL_IS_FLOAT
+#define DGFEM_VECTOR __m256
+#define DGFEM_V_LANES 8
+#else
+#define DGFEM_VECTOR __m256d
+#define DGFEM_V_LANES 4
+#endif
+#define DGFEM_V_LOAD(p) DGFEM_X86_NAME(_mm256_, loadu)(p)
+#define DGFEM_V_STORE(p, v) DGFEM_X86_NAME(_mm256_, storeu)(p, v)
+#define DGFEM_V_ALL(x) DGFEM_X86_NAME(_mm256_, set1)(x)
+#define DGFEM_V_ADD(a, b) DGFEM_X86_NAME(_mm256_, add)(a, b)
+#define DGFEM_V_SUB(a, b) DGFEM_X86_NAME(_mm256_, sub)(a, b)
+#define DGFEM_V_MUL(a, b) DGFEM_X86_NAME(_mm256_, mul)(a, b)
+#define DGFEM_V_FMA(a, b, c) DGFEM_X86_NAME(_mm256_, fmadd)(a, b, c)
+#define DGFEM_V_FNMA(a, b, c) DGFEM_X86_NAME(_mm256_, fnmadd)(a, b, c)
+#include "kernels.c"
+#if defined(__clang__)
+#pragma clang attribute pop
+#else
+#pragma GCC pop_options
+#endif
 
-/* ---- factorization ---- */
+#if defined(__clang__)
+#pragma clang attribute push(__attribute__((target("avx512f,fma"))), apply_to = function)
+#else
+#pragma GCC push_options
+#pragma GCC target("avx512f,fma")
+#endif
+#define DGFEM_PATH(name) name##_avx512
+#define DGFEM_PATH_ID DGFEM_SIMD_AVX512
+#define DGFEM_VECTORS 3
+#define DGFEM_TILE 8
+#if DGFEM_REAL_IS_FLOAT
+#define DGFEM_VECTOR __m512
+#define DGFEM_V_LANES 16
+#else
+#define DGFEM_VECTOR __m512d
+#define DGFEM_V_LANES 8
+#endif
+#define DGFEM_V_LOAD(p) DGFEM_X86_NAME(_mm512_, loadu)(p)
+#define DGFEM_V_STORE(p, v) DGFEM_X86_NAME(_mm512_, storeu)(p, v)
+#define DGFEM_V_ALL(x) DGFEM_X86_NAME(_mm512_, set1)(x)
+#define DGFEM_V_ADD(a, b) DGFEM_X86_NAME(_mm512_, add)(a, b)
+#define DGFEM_V_SUB(a, b) DGFEM_X86_NAME(_mm512_, sub)(a, b)
+#define DGFEM_V_MUL(a, b) DGFEM_X86_NAME(_mm512_, mul)(a, b)
+#define DGFEM_V_FMA(a, b, c) DGFEM_X86_NAME(_mm512_, fmadd)(a, b, c)
+#define DGFEM_V_FNMA(a, b, c) DGFEM_X86_NAME(_mm512_, fnmadd)(a, b, c)
+#include "kernels.c"
+#if defined(__clang__)
+#pragma clang attribute pop
+#else
+#pragma GCC pop_options
+#endif
+#endif
 
-/* Columns from <= k < to of one strip of L, those before `from` being done with. The rows of D that they meet are
-   finished. Returns the column whose pivot fails, or DGFEM_NONE. */
-static int dgfemi_factor_strip(const dgfemi_panel *p, int strip, int from, int to, const dgfem_real *diagonal) {
-    dgfem_real *values = dgfemi_strip(p, strip);
-    int end = dgfemi_strip_end(p, strip, to), j;
-    for (j = from; j < end; j += DGFEM_TILE) {
-        dgfem_real *x = values + (size_t)j * DGFEM_STRIP;
-        int columns = dgfemi_tile_columns(j, end);
-        dgfemi_tile_subtract(values + (size_t)from * DGFEM_STRIP, dgfemi_pivot_row(p, j, from), j - from, x, columns);
-        if (strip == j / DGFEM_STRIP) {
-            int failed = dgfemi_tile_cholesky(x, columns, j % DGFEM_STRIP, diagonal + j);
-            if (failed != DGFEM_NONE) return j + failed;
-        } else dgfemi_tile_solve(x, columns, dgfemi_pivot_row(p, j, j));
-    }
-    return DGFEM_NONE;
-}
+/* ---- ARM and WebAssembly ---- */
 
-/* Subtracts from the columns from `to` on what the columns from <= k < to contribute. */
-static void dgfemi_update_panel(const dgfemi_panel *p, int from, int to) {
-    int strips = dgfemi_panel_strips(p), chunk, strip, j;
-    for (chunk = to; chunk < p->width; chunk += DGFEM_UPDATE_COLUMNS)
-        for (strip = chunk / DGFEM_STRIP; strip < strips; strip++) {
-            dgfem_real *values = dgfemi_strip(p, strip);
-            int end = dgfemi_strip_end(p, strip, chunk + DGFEM_UPDATE_COLUMNS);
-            for (j = chunk; j < end; j += DGFEM_TILE)
-                dgfemi_tile_subtract(values + (size_t)from * DGFEM_STRIP, dgfemi_pivot_row(p, j, from), to - from,
-                                     values + (size_t)j * DGFEM_STRIP, dgfemi_tile_columns(j, end));
-        }
-}
+#if !defined(DGFEM_NO_SIMD) && defined(__aarch64__) && defined(__ARM_NEON)
+#define DGFEM_HAS_NEON 1
+# include <arm_neon.h>
+#if DGFEM_REAL_IS_FLOAT
+#define DGFEM_NEON_NAME(op) op##_f32
+#define DGFEM_VECTOR float32x4_t
+#define DGFEM_V_LANES 4
+#else
+#define DGFEM_NEON_NAME(op) op##_f64
+#define DGFEM_VECTOR float64x2_t
+#define DGFEM_V_LANES 2
+#endif
+#define DGFEM_PATH(name) name##_neon
+#define DGFEM_PATH_ID DGFEM_SIMD_NEON
+#define DGFEM_VECTORS 4
+#define DGFEM_TILE 4
+#define DGFEM_V_LOAD(p) DGFEM_NEON_NAME(vld1q)(p)
+#define DGFEM_V_STORE(p, v) DGFEM_NEON_NAME(vst1q)(p, v)
+#define DGFEM_V_ALL(x) DGFEM_NEON_NAME(vdupq_n)(x)
+#define DGFEM_V_ADD(a, b) DGFEM_NEON_NAME(vaddq)(a, b)
+#define DGFEM_V_SUB(a, b) DGFEM_NEON_NAME(vsubq)(a, b)
+#define DGFEM_V_MUL(a, b) DGFEM_NEON_NAME(vmulq)(a, b)
+#define DGFEM_V_FMA(a, b, c) DGFEM_NEON_NAME(vfmaq)(c, a, b)
+#define DGFEM_V_FNMA(a, b, c) DGFEM_NEON_NAME(vfmsq)(c, a, b)
+#include "kernels.c"
+#endif
 
-/* D = L L^T, B = B L^-T. Returns the column whose pivot fails, or DGFEM_NONE. */
-static int dgfemi_factor_panel(const dgfemi_panel *p, const dgfem_real *diagonal) {
-    int strips = dgfemi_panel_strips(p), from, strip;
-    for (from = 0; from < p->width; from += DGFEM_PANEL_COLUMNS) {
-        int to = p->width - from < DGFEM_PANEL_COLUMNS ? p->width : from + DGFEM_PANEL_COLUMNS;
-        for (strip = from / DGFEM_STRIP; strip < strips; strip++) {
-            int failed = dgfemi_factor_strip(p, strip, from, to, diagonal);
-            if (failed != DGFEM_NONE) return failed;
-        }
-        dgfemi_update_panel(p, from, to);
-    }
-    return DGFEM_NONE;
-}
+#if !defined(DGFEM_NO_SIMD) && defined(__wasm_simd128__)
+#define DGFEM_HAS_WASM 1
+# include <wasm_simd128.h>
+#if DGFEM_REAL_IS_FLOAT
+#define DGFEM_WASM_NAME(op) wasm_f32x4_##op
+#define DGFEM_V_LANES 4
+#else
+#define DGFEM_WASM_NAME(op) wasm_f64x2_##op
+#define DGFEM_V_LANES 2
+#endif
+#define DGFEM_PATH(name) name##_wasm
+#define DGFEM_PATH_ID DGFEM_SIMD_WASM
+#define DGFEM_VECTOR v128_t
+#define DGFEM_VECTORS 2
+#define DGFEM_TILE 4
+#define DGFEM_V_LOAD(p) wasm_v128_load(p)
+#define DGFEM_V_STORE(p, v) wasm_v128_store(p, v)
+#define DGFEM_V_ALL(x) DGFEM_WASM_NAME(splat)(x)
+#define DGFEM_V_ADD(a, b) DGFEM_WASM_NAME(add)(a, b)
+#define DGFEM_V_SUB(a, b) DGFEM_WASM_NAME(sub)(a, b)
+#define DGFEM_V_MUL(a, b) DGFEM_WASM_NAME(mul)(a, b)
+#define DGFEM_V_FMA(a, b, c) DGFEM_V_ADD(DGFEM_V_MUL(a, b), c)
+#define DGFEM_V_FNMA(a, b, c) DGFEM_V_SUB(c, DGFEM_V_MUL(a, b))
+#include "kernels.c"
+#endif
 
-/* Element (i, j), i >= j, of a packed lower half with n rows is [dgfemi_packed(n, j) + i]. */
-static size_t dgfemi_packed(int n, int j) { return (size_t)j * (size_t)(2 * (ptrdiff_t)n - j - 1) / 2; }
+/* ---- choice ---- */
 
-/* Element (i, j) of U, with i the tile's row: = or += -sum. */
-static void dgfemi_store_tile(dgfem_real *u, int height, int row, int column, const dgfem_real *sum, int add) {
-    int columns = dgfemi_tile_columns(column, height), rows = height - row < DGFEM_STRIP ? height - row : DGFEM_STRIP;
-    int c, r;
-    for (c = 0; c < columns; c++, sum += DGFEM_STRIP) {
-        dgfem_real *to = u + dgfemi_packed(height, column + c) + row;
-        int first = column + c > row ? column + c - row : 0;
-        if (first == 0 && rows == DGFEM_STRIP) {
-            if (add)
-                for (r = 0; r < DGFEM_STRIP; r++) to[r] -= sum[r];
-            else
-                for (r = 0; r < DGFEM_STRIP; r++) to[r] = -sum[r];
-        } else
-            for (r = first; r < rows; r++) to[r] = (add ? to[r] : 0) - sum[r];
-    }
-}
-
-/* U = -B B^T, lower half. */
-static void dgfemi_make_update(const dgfemi_panel *p, dgfem_real *u) {
-    int pivot_strips = dgfemi_strips(p->width), strips = dgfemi_strips(p->height), from, chunk, strip, j;
-    dgfem_real sum[DGFEM_TILE * DGFEM_STRIP];
-    for (from = 0; from < p->width; from += DGFEM_PANEL_COLUMNS) {
-        int count = p->width - from < DGFEM_PANEL_COLUMNS ? p->width - from : DGFEM_PANEL_COLUMNS;
-        for (chunk = 0; chunk < p->height; chunk += DGFEM_UPDATE_COLUMNS)
-            for (strip = chunk / DGFEM_STRIP; strip < strips; strip++) {
-                const dgfem_real *a = dgfemi_strip(p, pivot_strips + strip) + (size_t)from * DGFEM_STRIP;
-                int end = (strip + 1) * DGFEM_STRIP;
-                if (end > chunk + DGFEM_UPDATE_COLUMNS) end = chunk + DGFEM_UPDATE_COLUMNS;
-                if (end > p->height) end = p->height;
-                for (j = chunk; j < end; j += DGFEM_TILE) {
-                    const dgfem_real *b = dgfemi_pivot_row(p, pivot_strips * DGFEM_STRIP + j, from);
-                    dgfemi_tile_product(a, b, count, sum);
-                    dgfemi_store_tile(u, p->height, strip * DGFEM_STRIP, j, sum, from > 0);
-                }
-            }
-    }
-}
-
-/* Fills the strips from a column-major array of width + height rows; what lies above D's diagonal strips is never
-   used. */
-static void dgfemi_pack_panel(const dgfemi_panel *p, const dgfem_real *columns) {
-    int pivot_strips = dgfemi_strips(p->width), strips = dgfemi_panel_strips(p), strip, k, r;
-    size_t stride = (size_t)p->width + (size_t)p->height;
-    for (strip = 0; strip < strips; strip++) {
-        dgfem_real *to = dgfemi_strip(p, strip);
-        int below = strip >= pivot_strips;
-        int row = below ? (strip - pivot_strips) * DGFEM_STRIP : strip * DGFEM_STRIP;
-        int rows = (below ? p->height : p->width) - row, end = dgfemi_strip_end(p, strip, p->width);
-        const dgfem_real *from = columns + (below ? p->width + row : row);
-        for (k = 0; k < end; k++, from += stride, to += DGFEM_STRIP) {
-            if (rows >= DGFEM_STRIP)
-                for (r = 0; r < DGFEM_STRIP; r++) to[r] = from[r];
-            else
-                for (r = 0; r < DGFEM_STRIP; r++) to[r] = r < rows ? from[r] : 0;
-        }
-    }
-}
-
-/* ---- solves ---- */
-
-/* y += x */
-static void dgfemi_add_vector(dgfem_real *y, const dgfem_real *x, int count) {
-    dgfem_real sum[4];
-    int i = 0, k;
-    for (; i + 4 <= count; i += 4) {
-        for (k = 0; k < 4; k++) sum[k] = y[i + k] + x[i + k];
-        for (k = 0; k < 4; k++) y[i + k] = sum[k];
-    }
-    for (; i < count; i++) y[i] += x[i];
-}
-
-/* sum[r] -= sum over k of strip(r, k) x[k] */
-static void dgfemi_strip_subtract(const dgfem_real *strip, int columns, const dgfem_real *x,
-                                  dgfem_real sum[DGFEM_STRIP]) {
-    dgfem_real even[DGFEM_STRIP] = {0}, odd[DGFEM_STRIP] = {0};
-    int k = 0, r;
-    for (; k + 2 <= columns; k += 2, strip += 2 * DGFEM_STRIP) {
-        dgfem_real x0 = x[k], x1 = x[k + 1];
-        for (r = 0; r < DGFEM_STRIP; r++) {
-            even[r] += strip[r] * x0;
-            odd[r] += strip[DGFEM_STRIP + r] * x1;
-        }
-    }
-    if (k < columns)
-        for (r = 0; r < DGFEM_STRIP; r++) even[r] += strip[r] * x[k];
-    for (r = 0; r < DGFEM_STRIP; r++) sum[r] -= even[r] + odd[r];
-}
-
-/* x[k] -= sum over r of strip(r, k) y[r] */
-static void dgfemi_strip_subtract_transposed(const dgfem_real *strip, int columns, const dgfem_real y[DGFEM_STRIP],
-                                             dgfem_real *x) {
-    int k, r;
-    for (k = 0; k < columns; k++, strip += DGFEM_STRIP) {
-        dgfem_real sum[4] = {0};
-        for (r = 0; r < DGFEM_STRIP; r++) sum[r % 4] += strip[r] * y[r];
-        x[k] -= (sum[0] + sum[1]) + (sum[2] + sum[3]);
-    }
-}
-
-/* x = L^-1 x for a supernode's own unknowns; below = -B x. */
-static void dgfemi_solve_panel(const dgfemi_panel *p, dgfem_real *x, dgfem_real *below) {
-    int pivot_strips = dgfemi_strips(p->width), strips = dgfemi_panel_strips(p), strip, c, r;
-    for (strip = 0; strip < pivot_strips; strip++) {
-        int first = strip * DGFEM_STRIP, columns = dgfemi_strip_end(p, strip, p->width) - first;
-        const dgfem_real *triangle = dgfemi_strip(p, strip) + (size_t)first * DGFEM_STRIP;
-        dgfem_real y[DGFEM_STRIP] = {0};
-        for (r = 0; r < columns; r++) y[r] = x[first + r];
-        dgfemi_strip_subtract(dgfemi_strip(p, strip), first, x, y);
-        for (c = 0; c < columns; c++, triangle += DGFEM_STRIP) {
-            y[c] *= triangle[c];
-            for (r = c + 1; r < columns; r++) y[r] -= triangle[r] * y[c];
-        }
-        for (r = 0; r < columns; r++) x[first + r] = y[r];
-    }
-    for (; strip < strips; strip++, below += DGFEM_STRIP) {
-        for (r = 0; r < DGFEM_STRIP; r++) below[r] = 0;
-        dgfemi_strip_subtract(dgfemi_strip(p, strip), p->width, x, below);
+/* The kernels for one instruction set; NULL where they were not compiled or the machine lacks it. */
+static const dgfemi_kernels *dgfemi_kernels_for(dgfem_simd simd) {
+    switch (simd) {
+    case DGFEM_SIMD_NONE: return dgfemi_kernels_plain();
+#ifdef DGFEM_HAS_X86
+    case DGFEM_SIMD_SSE2: return dgfemi_kernels_sse2();
+    case DGFEM_SIMD_AVX2:
+        return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") ? dgfemi_kernels_avx2() : NULL;
+    case DGFEM_SIMD_AVX512: return __builtin_cpu_supports("avx512f") ? dgfemi_kernels_avx512() : NULL;
+#endif
+#ifdef DGFEM_HAS_NEON
+    case DGFEM_SIMD_NEON: return dgfemi_kernels_neon();
+#endif
+#ifdef DGFEM_HAS_WASM
+    case DGFEM_SIMD_WASM: return dgfemi_kernels_wasm();
+#endif
+    default: return NULL;
     }
 }
 
-/* x = L^-T (x - B^T below) */
-static void dgfemi_solve_panel_transposed(const dgfemi_panel *p, dgfem_real *x, const dgfem_real *below) {
-    int pivot_strips = dgfemi_strips(p->width), strips = dgfemi_panel_strips(p), strip, c, r;
-    for (strip = pivot_strips; strip < strips; strip++, below += DGFEM_STRIP)
-        dgfemi_strip_subtract_transposed(dgfemi_strip(p, strip), p->width, below, x);
-    for (strip = pivot_strips - 1; strip >= 0; strip--) {
-        int first = strip * DGFEM_STRIP, columns = dgfemi_strip_end(p, strip, p->width) - first;
-        const dgfem_real *triangle = dgfemi_strip(p, strip) + (size_t)first * DGFEM_STRIP;
-        dgfem_real y[DGFEM_STRIP] = {0};
-        for (c = columns - 1; c >= 0; c--) {
-            const dgfem_real *column = triangle + c * DGFEM_STRIP;
-            y[c] = x[first + c];
-            for (r = c + 1; r < columns; r++) y[c] -= column[r] * y[r];
-            y[c] *= column[c];
-        }
-        for (r = 0; r < columns; r++) x[first + r] = y[r];
-        dgfemi_strip_subtract_transposed(dgfemi_strip(p, strip), first, y, x);
-    }
+/* The same; of DGFEM_SIMD_AUTO the best there is. */
+static const dgfemi_kernels *dgfemi_kernels_choose(dgfem_simd simd) {
+    static const dgfem_simd best_first[6] = {DGFEM_SIMD_AVX512, DGFEM_SIMD_AVX2, DGFEM_SIMD_SSE2,
+                                             DGFEM_SIMD_NEON,   DGFEM_SIMD_WASM, DGFEM_SIMD_NONE};
+    const dgfemi_kernels *found = NULL;
+    int i;
+    if (simd != DGFEM_SIMD_AUTO) return dgfemi_kernels_for(simd);
+    for (i = 0; i < 6 && !found; i++) found = dgfemi_kernels_for(best_first[i]);
+    return found;
 }

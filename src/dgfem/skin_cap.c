@@ -1,5 +1,5 @@
 #pragma once
-#include "skin_split.c"
+#include "skin_layer.c"
 /* Second part of cutting a render mesh: the cross-section. The slit's edges, closed along the polygon's boundary, are
    joined to loops and regions, triangulated, and refined inside. */
 
@@ -7,13 +7,15 @@
 
 /* A point of the cross-section: at a weld, or with weld DGFEM_NONE between two others or by itself. DGFEM_NONE when out
    of memory. */
-static int dgfemi_skin_add_cap(dgfemi_skin_cutter *c, int weld, int a, int b, dgfem_vec3 world, dgfem_vec3 rest) {
+static int dgfemi_skin_add_cap(dgfemi_skin_cutter *c, int weld, int a, int b, dgfem_vec3 world, dgfem_vec3 rest,
+                               int element, int layer) {
     void *grown = dgfemi_one_more(c->hooks, c->caps, c->cap_count, &c->cap_capacity, sizeof *c->caps);
     dgfemi_cap_point *cap;
     if (!grown) return DGFEM_NONE;
     c->caps = (dgfemi_cap_point *)grown;
     cap = &c->caps[c->cap_count];
     cap->weld = weld, cap->parent[0] = a, cap->parent[1] = b;
+    cap->element = element, cap->layer = layer;
     cap->world = world, cap->rest = rest;
     cap->out[0] = cap->out[1] = DGFEM_NONE;
     return c->cap_count++;
@@ -21,7 +23,8 @@ static int dgfemi_skin_add_cap(dgfemi_skin_cutter *c, int weld, int a, int b, dg
 
 static int dgfemi_skin_cap_at(dgfemi_skin_cutter *c, int weld) {
     dgfemi_skin_point *p = &c->points[weld];
-    if (p->cap == DGFEM_NONE) p->cap = dgfemi_skin_add_cap(c, weld, DGFEM_NONE, DGFEM_NONE, p->world, p->rest);
+    if (p->cap == DGFEM_NONE)
+        p->cap = dgfemi_skin_add_cap(c, weld, DGFEM_NONE, DGFEM_NONE, p->world, p->rest, p->element, DGFEM_NONE);
     return p->cap;
 }
 
@@ -38,43 +41,17 @@ static int dgfemi_skin_find_segments(dgfemi_skin_cutter *c) {
     return 1;
 }
 
-static int dgfemi_skin_wind(const dgfemi_blade *blade, dgfem_vec3 from, dgfem_vec3 to, const double *q) {
-    double a[2], b[2];
-    dgfemi_blade_project(blade, from, a), dgfemi_blade_project(blade, to, b);
-    return dgfemi_edge_winding(a, b, q);
-}
-
-/* How often the whole cross-section, slit or not, winds round a point of the plane: 0 outside the body. */
-static int dgfemi_skin_section_winding(const dgfemi_skin_cutter *c, dgfem_vec3 x) {
-    double q[2];
-    int winding = 0;
-    dgfemi_blade_project(c->blade, x, q);
-    for (int i = 0; i < c->part_count; i++) {
-        const dgfemi_skin_part *part = &c->parts[i];
-        int v[3], a, b;
-        dgfem_vec3 from, to;
-        for (int k = 0; part->side == DGFEMI_ABOVE && k < 3; k++)
-            if (dgfemi_skin_part_edge(c, part, k, &a, &b) && dgfemi_skin_plane_edge(c, a, b)->flags & DGFEMI_BELOW)
-                winding += dgfemi_skin_wind(c->blade, c->points[a].world, c->points[b].world, q);
-        if (!dgfemi_skin_turn(c, part->corner, v)) continue;
-        dgfemi_skin_chord(c, v, &from, &to); /* with v[0], or else v[2], on its left */
-        if (dgfemi_skin_sign(c, dgfemi_skin_sign(c, v[0]) ? v[0] : v[2]) > 0)
-            winding += dgfemi_skin_wind(c->blade, from, to, q);
-        else winding += dgfemi_skin_wind(c->blade, to, from, q);
-    }
-    return winding;
-}
-
 /* ---- the polygon's boundary inside the body ---- */
 
 /* Where the slit leaves the polygon (1) or enters it (-1): along its boundary, edge + fraction, counter-clockwise. */
 typedef struct dgfemi_tip {
     double at;
-    int cap, leaves;
+    int cap, leaves, layer;
 } dgfemi_tip;
 
 static int dgfemi_compare_tips(const void *a, const void *b) {
     const dgfemi_tip *s = (const dgfemi_tip *)a, *t = (const dgfemi_tip *)b;
+    if (s->layer != t->layer) return s->layer < t->layer ? -1 : 1;
     if (s->at != t->at) return s->at < t->at ? -1 : 1;
     if (s->leaves != t->leaves) return s->leaves - t->leaves;
     return (s->cap > t->cap) - (s->cap < t->cap);
@@ -108,57 +85,32 @@ static double dgfemi_blade_place(const dgfemi_blade *blade, int clockwise, dgfem
     return at;
 }
 
-/* The material point now at x: of all elements' maps, inverted by Newton's method, that of the element it comes nearest
-   to. */
-static dgfem_vec3 dgfemi_skin_rest_of(const dgfem_body *body, dgfem_vec3 x) {
-    const dgfem_mesh *mesh = body->mesh;
-    dgfem_vec3 best = x;
-    dgfem_real smallest = -1;
-    for (int e = 0; e < mesh->element_count; e++) {
-        dgfem_vec3 rest = mesh->elements[e].centre, gradients[DGFEM_MAX_BASIS];
-        dgfem_real distance;
-        for (int step = 0; step < 12; step++) {
-            dgfem_vec3 r = dgfemi_sub(x, dgfemi_add(rest, dgfemi_evaluate(body, body->displacement, e, rest))), c0, c1,
-                       c2;
-            dgfem_mat3 f = dgfemi_identity();
-            dgfem_real determinant;
-            dgfemi_basis_gradients(body->degree[e], body->origin[e], body->scale[e], rest, gradients);
-            for (int i = 1; i < body->basis_start[e + 1] - body->basis_start[e]; i++)
-                dgfemi_add_outer(&f, 1, body->displacement[body->basis_start[e] + i], gradients[i]);
-            determinant = dgfemi_determinant(&f);
-            if (!(dgfemi_abs(determinant) > 0)) break;
-            c0 = dgfemi_column(&f, 0), c1 = dgfemi_column(&f, 1), c2 = dgfemi_column(&f, 2); /* Cramer's rule */
-            rest = dgfemi_add(rest, dgfemi_scale(1 / determinant, dgfemi_vec3(dgfemi_dot(r, dgfemi_cross(c1, c2)),
-                                                                              dgfemi_dot(c0, dgfemi_cross(r, c2)),
-                                                                              dgfemi_dot(c0, dgfemi_cross(c1, r)))));
-            if (body->degree[e] == 1) break;
-        }
-        distance = dgfemi_distance(rest, mesh->elements[e].centre) / mesh->elements[e].radius;
-        if (!(distance >= 0) || (smallest >= 0 && distance > smallest && distance > 1)) continue;
-        if (distance <= 1) distance = dgfemi_locate_in(mesh, e, rest).distance / mesh->elements[e].radius;
-        if (smallest < 0 || distance < smallest) smallest = distance, best = rest;
-    }
-    return best;
-}
+/* A corner of the polygon that lies farther than this outside every element of a layer, in radii, is left out: there the
+   slit does not close, and the polygon may be as large as it likes. */
+#define DGFEM_CORNER_REACH DGFEM_R(0.25)
 
-/* Appends segments along the polygon's boundary from a cap point past corners first .. last to another. */
-static int dgfemi_skin_follow_polygon(dgfemi_skin_cutter *c, int from, int to, int first, int last, int clockwise) {
-    for (int i = first; i <= last; i++) {
-        dgfem_vec3 x = dgfemi_blade_corner(c->blade, clockwise, i);
-        int cap = dgfemi_skin_add_cap(c, DGFEM_NONE, DGFEM_NONE, DGFEM_NONE, x, dgfemi_skin_rest_of(c->body, x));
+/* Appends segments along the polygon's boundary from a cap point past corners first, first + step, .. to another;
+   without these two, a whole round. `element`: any of the layer. 1 on success. */
+static int dgfemi_skin_follow_polygon(dgfemi_skin_cutter *c, int from, int to, int first, int corners, int step,
+                                      int layer, int element) {
+    int clockwise = dgfemi_blade_is_clockwise(c->blade);
+    for (int i = 0; i < corners; i++) {
+        dgfem_vec3 x = dgfemi_blade_corner(c->blade, clockwise, first + i * step), rest;
+        int cap;
+        if (dgfemi_skin_rest_of(c, x, layer, &rest) > DGFEM_CORNER_REACH) continue;
+        cap = dgfemi_skin_add_cap(c, DGFEM_NONE, DGFEM_NONE, DGFEM_NONE, x, rest, element, layer);
         if (cap == DGFEM_NONE || (from != DGFEM_NONE && !dgfemi_segment_push(c->hooks, &c->segments, from, cap)))
             return 0;
-        if (from == DGFEM_NONE) to = cap; /* a whole round */
+        if (from == DGFEM_NONE) to = cap;
         from = cap;
     }
-    return dgfemi_segment_push(c->hooks, &c->segments, from, to);
+    return from == to || dgfemi_segment_push(c->hooks, &c->segments, from, to);
 }
 
-/* Tips in the order in which the polygon's boundary leaves the body (where the slit enters the polygon) and enters it
-   by turns. Some share a place, as where it crosses both walls of an earlier slit: there the turns decide. The second round knows which turn it is at the first tip. */
+/* Tips of one layer in the order in which the polygon's boundary leaves it (where the slit enters the polygon) and
+   enters it by turns. Some share a place, as where it crosses both walls of an earlier slit: there the turns decide. The
+   second round knows which turn it is at the first tip. */
 static void dgfemi_order_tips(dgfemi_tip *tips, int count) {
-    for (int i = 0; i < count; i++) tips[i].at = floor(tips[i].at * 1e6) / 1e6;
-    qsort(tips, (size_t)count, sizeof *tips, dgfemi_compare_tips);
     for (int round = 0; round < 2; round++)
         for (int i = 0; i + 1 < count; i++) {
             dgfemi_tip swap = tips[i];
@@ -168,29 +120,95 @@ static void dgfemi_order_tips(dgfemi_tip *tips, int count) {
         }
 }
 
-/* Joins each place where the slit leaves the polygon with the next one where it enters. Where it never does, the whole
-   polygon lies inside the body or outside. tips is room for one per cap point. 1 on success. */
-static int dgfemi_skin_close_along_polygon(dgfemi_skin_cutter *c, dgfemi_tip *tips) {
-    int clockwise = dgfemi_blade_is_clockwise(c->blade), corners = c->blade->polygon_count, count = 0;
-    for (int i = 0; i < c->cap_count; i++) tips[i].cap = i, tips[i].leaves = 0;
-    for (int i = 0; i < c->segments.count; i++)
-        tips[c->segments.data[i].to].leaves++, tips[c->segments.data[i].from].leaves--;
-    for (int i = 0; i < c->cap_count; i++) {
-        if (tips[i].leaves != 1 && tips[i].leaves != -1) continue;
-        tips[count] = tips[i];
-        tips[count++].at = dgfemi_blade_place(c->blade, clockwise, c->caps[i].world);
-    }
-    if (count == 0)
-        return dgfemi_skin_section_winding(c, c->blade->polygon[0]) <= 0 ||
-               dgfemi_skin_follow_polygon(c, DGFEM_NONE, DGFEM_NONE, 0, corners - 1, clockwise);
-    dgfemi_order_tips(tips, count);
+/* Whether the first corner of the polygon lies in the layer (1) or not (0), as the tips tell: the boundary is inside once
+   between places where it enters and leaves, else outside, but for short stretches. */
+static int dgfemi_skin_starts_inside(const dgfemi_tip *tips, int count, int corners) {
+    double wrong[2] = {0, 0}, at = tips[count - 1].at - corners;
+    int level = 0;
     for (int i = 0; i < count; i++) {
-        const dgfemi_tip *tip = &tips[i], *next = &tips[(i + 1) % count];
-        int last = (int)next->at + (next->at < tip->at && i + 1 == count ? corners : 0);
-        if (tip->leaves != 1 || next->leaves != -1) continue;
-        if (!dgfemi_skin_follow_polygon(c, tip->cap, next->cap, (int)tip->at + 1, last, clockwise)) return 0;
+        wrong[0] += level < 0 || level > 1 ? tips[i].at - at : 0;
+        wrong[1] += level < -1 || level > 0 ? tips[i].at - at : 0;
+        level += tips[i].leaves, at = tips[i].at;
+    }
+    return wrong[1] < wrong[0];
+}
+
+/* Joins each place where the slit leaves the polygon with one where it enters it again. Along the boundary, from a place
+   outside the layer, these are nested like brackets: between them it runs inside, or, where flaps overlap in the world
+   or are turned inside out, inside several times or minus once. open: room for `count` tips. 1 on success. */
+static int dgfemi_skin_join_tips(dgfemi_skin_cutter *c, const dgfemi_tip *tips, int count, const dgfemi_tip **open) {
+    int corners = c->blade->polygon_count, depth = 0, first = 0;
+    int winding = dgfemi_skin_starts_inside(tips, count, corners);
+    for (int i = 0; i < count && winding != 0; i++) {
+        winding += tips[i].leaves;
+        first = i + 1;
+    }
+    for (int i = first; i < first + count; i++) {
+        const dgfemi_tip *tip = &tips[i % count], *last = depth > 0 ? open[depth - 1] : NULL;
+        int ahead, between;
+        if (!last || last->leaves == tip->leaves) {
+            open[depth++] = tip;
+            continue;
+        }
+        depth--;
+        ahead = last->leaves == 1; /* the way goes from where the slit leaves the polygon */
+        between = (int)tip->at - (int)last->at + (tip < last ? corners : 0);
+        if (!dgfemi_skin_follow_polygon(c, ahead ? last->cap : tip->cap, ahead ? tip->cap : last->cap,
+                                        ahead ? (int)last->at + 1 : (int)tip->at + corners, between, ahead ? 1 : -1,
+                                        tip->layer, c->caps[tip->cap].element))
+            return 0;
     }
     return 1;
+}
+
+/* Fills tips, by layer and along the polygon; a place where the slit leaves it several times has as many. tips is room
+   for two per segment, balance for one number per cap point. Returns their number. */
+static int dgfemi_skin_find_tips(const dgfemi_skin_cutter *c, int *balance, dgfemi_tip *tips) {
+    int clockwise = dgfemi_blade_is_clockwise(c->blade), count = 0;
+    memset(balance, 0, (size_t)c->cap_count * sizeof(int));
+    for (int i = 0; i < c->segments.count; i++)
+        balance[c->segments.data[i].to]++, balance[c->segments.data[i].from]--;
+    for (int i = 0; i < c->cap_count; i++) {
+        dgfemi_tip tip;
+        if (balance[i] == 0) continue;
+        tip.cap = i, tip.layer = c->caps[i].layer, tip.leaves = balance[i] > 0 ? 1 : -1;
+        tip.at = floor(dgfemi_blade_place(c->blade, clockwise, c->caps[i].world) * 1e6) / 1e6;
+        for (int k = 0; k < balance[i] * tip.leaves; k++) tips[count++] = tip;
+    }
+    qsort(tips, (size_t)count, sizeof *tips, dgfemi_compare_tips);
+    return count;
+}
+
+/* Where the polygon's boundary never meets the skin of a layer, the whole polygon lies inside or outside. met [layers]:
+   1 for the others. 1 on success. */
+static int dgfemi_skin_add_whole_polygons(dgfemi_skin_cutter *c, const char *met) {
+    for (int e = 0, next = 0; e < c->before->mesh->element_count; e++) {
+        dgfem_vec3 rest;
+        if (c->layer[e] != next) continue; /* layers are numbered in the order of their first elements */
+        if (!met[next] && dgfemi_skin_rest_of(c, c->blade->polygon[0], next, &rest) <= DGFEM_R(1e-6) &&
+            !dgfemi_skin_follow_polygon(c, DGFEM_NONE, DGFEM_NONE, 0, c->blade->polygon_count, 1, next, e))
+            return 0;
+        next++;
+    }
+    return 1;
+}
+
+/* Closes the slit along the polygon's boundary, inside each layer. 1 on success. */
+static int dgfemi_skin_close_along_polygon(dgfemi_skin_cutter *c, dgfemi_arena *arena) {
+    size_t tip_room = 2 * (size_t)c->segments.count;
+    int *balance = (int *)dgfemi_arena_allocate(arena, (size_t)c->cap_count, sizeof *balance), count, end;
+    char *met = (char *)dgfemi_arena_allocate_zero(arena, (size_t)c->layer_count, 1);
+    dgfemi_tip *tips = (dgfemi_tip *)dgfemi_arena_allocate(arena, tip_room, sizeof *tips);
+    const dgfemi_tip **open = (const dgfemi_tip **)dgfemi_arena_allocate(arena, tip_room, sizeof *open);
+    if (!balance || !met || !tips || !open) return 0;
+    count = dgfemi_skin_find_tips(c, balance, tips);
+    for (int first = 0; first < count; first = end) {
+        for (end = first + 1; end < count && tips[end].layer == tips[first].layer;) end++;
+        if (tips[first].layer != DGFEM_NONE) met[tips[first].layer] = 1;
+        dgfemi_order_tips(tips + first, end - first);
+        if (!dgfemi_skin_join_tips(c, tips + first, end - first, open)) return 0;
+    }
+    return dgfemi_skin_add_whole_polygons(c, met);
 }
 
 /* Drops chains of segments that do not close: the skin has a border there. degree: two numbers for each cap point. */
@@ -261,6 +279,10 @@ static int dgfemi_skin_triangulate(dgfemi_skin_cutter *c, dgfemi_arena *arena) {
     for (int i = 0; i < c->cap_count; i++) flat.vertices[i] = c->caps[i].world;
     flat.vertex_count = c->cap_count;
     joiner.mesh = &flat;
+    joiner.label = (int *)dgfemi_arena_allocate(arena, (size_t)c->cap_count, sizeof(int));
+    if (!joiner.label) return 0;
+    for (int i = 0; i < c->cap_count; i++) joiner.label[i] = c->caps[i].layer;
+    joiner.drop_open = 1;
     dgfemi_projection_axes(c->blade->normal, &joiner.axis_u, &joiner.axis_v);
     status = dgfemi_join_loops(&joiner, &c->segments);
     if (status == DGFEM_OK) status = dgfemi_join_regions(&joiner);
@@ -276,6 +298,8 @@ static int dgfemi_skin_triangulate(dgfemi_skin_cutter *c, dgfemi_arena *arena) {
    they are shorter than the edges of the boundary next to them. */
 #define DGFEM_WALL_SPACING DGFEM_R(1.5)
 #define DGFEM_WALL_ROUNDS 16
+/* More points than this for each element, which a cross-section does not need, a slit that does not close may ask. */
+#define DGFEM_WALL_POINTS 8
 
 /* c->cap_triangles with neighbours: across the edge from corner k to the next one lies edge neighbour[3 t + k], written
    3 * triangle + corner, of the triangle there; DGFEM_NONE at the boundary. */
@@ -401,7 +425,8 @@ static int dgfemi_wall_divide(dgfemi_wall_mesh *w, int edge) {
         outer_s = w->neighbour.data[s2], t[6];
     m = dgfemi_skin_add_cap(c, DGFEM_NONE, a, b,
                             dgfemi_scale(DGFEM_R(0.5), dgfemi_add(c->caps[a].world, c->caps[b].world)),
-                            dgfemi_scale(DGFEM_R(0.5), dgfemi_add(c->caps[a].rest, c->caps[b].rest)));
+                            dgfemi_scale(DGFEM_R(0.5), dgfemi_add(c->caps[a].rest, c->caps[b].rest)),
+                            c->caps[a].element, c->caps[a].layer);
     if (m == DGFEM_NONE) return 0;
     if (m >= w->flat_capacity) {
         void *grown = dgfemi_grow(c->hooks, w->flat, &w->flat_capacity, m + 1, sizeof *w->flat);
@@ -424,17 +449,11 @@ static int dgfemi_wall_divide(dgfemi_wall_mesh *w, int edge) {
     return 1;
 }
 
-static dgfem_real dgfemi_skin_mean_radius(const dgfem_mesh *mesh) {
-    dgfem_real sum = 0;
-    for (int e = 0; e < mesh->element_count; e++) sum += mesh->elements[e].radius;
-    return sum / (dgfem_real)(mesh->element_count > 0 ? mesh->element_count : 1);
-}
-
 /* Points inside large walls, so that they can bend. 1 on success. */
 static int dgfemi_skin_refine_caps(dgfemi_skin_cutter *c) {
     dgfem_real spacing = DGFEM_WALL_SPACING * dgfemi_skin_mean_radius(c->body->mesh);
     dgfemi_wall_mesh w;
-    int ok;
+    int ok, most = c->cap_count + DGFEM_WALL_POINTS * c->body->mesh->element_count;
     memset(&w, 0, sizeof w);
     w.cutter = c;
     w.flat_capacity = c->cap_count;
@@ -445,7 +464,7 @@ static int dgfemi_skin_refine_caps(dgfemi_skin_cutter *c) {
     for (int round = 0; ok && round < DGFEM_WALL_ROUNDS; round++) {
         int count = c->cap_triangles.count, divided = 0;
         dgfemi_wall_flip_all(&w);
-        for (int i = 0; ok && i < count; i++) {
+        for (int i = 0; ok && i < count && c->cap_count < most; i++) {
             if (w.neighbour.data[i] == DGFEM_NONE || !dgfemi_wall_is_long(&w, i, spacing)) continue;
             ok = dgfemi_wall_divide(&w, i);
             divided = 1;
@@ -460,11 +479,8 @@ static int dgfemi_skin_refine_caps(dgfemi_skin_cutter *c) {
 /* The triangles of the cross-section inside the blade. 1 on success. */
 static int dgfemi_skin_find_caps(dgfemi_skin_cutter *c) {
     dgfemi_arena arena = dgfemi_arena_make(c->hooks);
-    int ok = dgfemi_skin_find_segments(c);
-    if (ok && c->blade->polygon) {
-        dgfemi_tip *tips = (dgfemi_tip *)dgfemi_arena_allocate(&arena, (size_t)c->cap_count, sizeof *tips);
-        ok = tips && dgfemi_skin_close_along_polygon(c, tips);
-    }
+    int ok = dgfemi_skin_find_segments(c) && dgfemi_skin_find_cap_layers(c);
+    if (ok && c->blade->polygon) ok = dgfemi_skin_close_along_polygon(c, &arena);
     if (ok && c->segments.count > 0) {
         int *degree = (int *)dgfemi_arena_allocate(&arena, 2 * (size_t)c->cap_count, sizeof(int));
         ok = degree != NULL;

@@ -5,13 +5,13 @@
 /* ---- vertices of the result ---- */
 
 static int dgfemi_skin_add_vertex(dgfemi_skin_cutter *c, dgfem_vec3 rest, dgfem_vec3 anchor, dgfem_vec3 world, int a,
-                                  int b, dgfem_real weight, int side) {
+                                  int b, dgfem_real weight, int side, int element) {
     void *grown = dgfemi_one_more(c->hooks, c->vertices, c->vertex_count, &c->vertex_capacity, sizeof *c->vertices);
     dgfemi_skin_vertex *v;
     if (!grown) return DGFEM_NONE;
     c->vertices = (dgfemi_skin_vertex *)grown;
     v = &c->vertices[c->vertex_count];
-    v->rest = rest, v->anchor = anchor, v->world = world, v->side = side, v->slit = 0;
+    v->rest = rest, v->anchor = anchor, v->world = world, v->side = side, v->slit = 0, v->element = element;
     v->parent[0] = a, v->parent[1] = b, v->weight = weight, v->weld = c->vertex_count;
     return c->vertex_count++;
 }
@@ -30,9 +30,9 @@ static int dgfemi_skin_vertex_of(dgfemi_skin_cutter *c, int point, int s) {
     if (separated || side == 0) side = weld->flags & (s ? DGFEMI_BELOW : DGFEMI_ABOVE) && !separated ? 0 : s ? 1 : -1;
     if (point >= c->skin->vertex_count)
         v = dgfemi_skin_add_vertex(c, p->rest, p->anchor, p->world, dgfemi_skin_first_out(c, p->parent[0]),
-                                   dgfemi_skin_first_out(c, p->parent[1]), p->t, side);
+                                   dgfemi_skin_first_out(c, p->parent[1]), p->t, side, p->element);
     else if (p->out[1 - s] != DGFEM_NONE)
-        v = dgfemi_skin_add_vertex(c, p->rest, p->anchor, p->world, point, point, 0, side);
+        v = dgfemi_skin_add_vertex(c, p->rest, p->anchor, p->world, point, point, 0, side, p->element);
     if (v == DGFEM_NONE) return DGFEM_NONE;
     c->vertices[v].side = side, c->vertices[v].slit = separated;
     p->out[s] = v;
@@ -47,7 +47,7 @@ static int dgfemi_skin_make_vertices(dgfemi_skin_cutter *c) {
     int old = c->skin->vertex_count;
     for (int v = 0; v < old; v++)
         if (dgfemi_skin_add_vertex(c, c->points[v].rest, c->points[v].anchor, c->points[v].world, DGFEM_NONE,
-                                   DGFEM_NONE, 0, dgfemi_skin_sign(c, v)) == DGFEM_NONE)
+                                   DGFEM_NONE, 0, dgfemi_skin_sign(c, v), c->points[v].element) == DGFEM_NONE)
             return 0;
     for (int pass = 0; pass < 2; pass++)
         for (int i = 0; i < 3 * c->part_count; i++) {
@@ -81,7 +81,7 @@ static int dgfemi_skin_wall_vertex(dgfemi_skin_cutter *c, int cap, int s) {
         side = 0, weld = p->out[1 - s];
     }
     v = dgfemi_skin_add_vertex(c, p->rest, anchor, p->world, a, b, p->weld == DGFEM_NONE && a != b ? DGFEM_R(0.5) : 0,
-                               side);
+                               side, p->element);
     if (v == DGFEM_NONE) return DGFEM_NONE;
     if (weld != DGFEM_NONE) c->vertices[v].weld = weld;
     c->vertices[v].slit = side != 0;
@@ -219,8 +219,179 @@ static void dgfemi_skin_place(dgfemi_skin_cutter *c, dgfemi_locator *locator, dg
     }
 }
 
-/* 1 on success, 0 when out of memory. */
-static int dgfemi_skin_find_places(dgfemi_arena *arena, dgfemi_skin_cutter *c, dgfemi_places *places) {
+/* ---- triangles across a cut ---- */
+
+/* A corner that is to be carried by another element. */
+typedef struct dgfemi_skin_tear {
+    int corner, vertex, copy; /* place in the triangles; the vertex there; what it becomes */
+    dgfemi_location location;
+} dgfemi_skin_tear;
+
+/* The blade cuts elements and triangles each by themselves; where a body is cut again and again as it moves, slits of the
+   two may end a little beside each other, and a triangle is left whose corners are carried by elements that nothing
+   holds together any more. It would be drawn out without end: instead its corners in the minority move to the others'
+   side. A vertex of which all triangles ask for it moves, of any other a copy does. */
+typedef struct dgfemi_skin_tearer {
+    dgfemi_skin_cutter *cutter;
+    const dgfemi_locator *locator;
+    dgfemi_places *places;
+    char *at_cut; /* [elements] 1: has a cut face */
+    int *group;   /* [elements] search that met it last */
+    int *queue;   /* [elements] */
+    int stamp;
+    dgfemi_skin_tear *tears;
+    int tear_count, tear_capacity;
+} dgfemi_skin_tearer;
+
+/* A ball around a triangle at rest and the elements that carry it: what holds its corners together is sought there. */
+static dgfem_real dgfemi_skin_ball(const dgfemi_skin_tearer *t, const int *corner, dgfem_vec3 *centre) {
+    const dgfemi_skin_cutter *c = t->cutter;
+    dgfem_real radius = 0;
+    *centre = dgfemi_vec3(0, 0, 0);
+    for (int k = 0; k < 3; k++) *centre = dgfemi_add_scaled(*centre, DGFEM_R(1) / 3, c->vertices[corner[k]].anchor);
+    for (int k = 0; k < 3; k++)
+        radius = dgfemi_max(radius, dgfemi_distance(*centre, c->vertices[corner[k]].anchor) +
+                                        2 * t->locator->mesh->elements[t->places->element[corner[k]]].radius);
+    return radius;
+}
+
+/* Marks the elements that hang together with `first` through glued faces and reach into the ball; returns their number,
+   with the elements in t->queue. */
+static int dgfemi_skin_flood_ball(dgfemi_skin_tearer *t, int first, dgfem_vec3 centre, dgfem_real radius) {
+    const dgfem_mesh *mesh = t->locator->mesh;
+    int count = 1;
+    t->queue[0] = first, t->group[first] = ++t->stamp;
+    for (int i = 0; i < count; i++) {
+        const dgfem_element *e = &mesh->elements[t->queue[i]];
+        for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+            const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+            int other = face->element[face->element[0] == t->queue[i]];
+            if (other == DGFEM_NONE || face->cut || t->group[other] == t->stamp) continue;
+            if (dgfemi_box_distance(t->locator->lower[other], t->locator->upper[other], centre) > radius) continue;
+            t->group[other] = t->stamp;
+            t->queue[count++] = other;
+        }
+    }
+    return count;
+}
+
+/* Floods from the corner whose surroundings hold most of the three. Returns the number of elements; *held: of corners. */
+static int dgfemi_skin_flood_majority(dgfemi_skin_tearer *t, const int *corner, int *held) {
+    dgfem_vec3 centre;
+    dgfem_real radius = dgfemi_skin_ball(t, corner, &centre);
+    int best = 0;
+    *held = 0;
+    for (int k = 0; k < 3; k++) {
+        int elements = dgfemi_skin_flood_ball(t, t->places->element[corner[k]], centre, radius), count = 0;
+        for (int j = 0; j < 3; j++) count += t->group[t->places->element[corner[j]]] == t->stamp;
+        if (count > *held) *held = count, best = k;
+        if (count == 3) return elements;
+    }
+    return dgfemi_skin_flood_ball(t, t->places->element[corner[best]], centre, radius);
+}
+
+/* Lists the corners of a triangle that are to move. 1 on success. */
+static int dgfemi_skin_find_tears(dgfemi_skin_tearer *t, int first) {
+    const int *corner = t->cutter->triangles.data + first;
+    int held, count = dgfemi_skin_flood_majority(t, corner, &held);
+    for (int k = 0; held < 3 && k < 3; k++) {
+        dgfem_vec3 rest = t->cutter->vertices[corner[k]].rest;
+        dgfemi_skin_tear *tear;
+        void *grown;
+        if (t->group[t->places->element[corner[k]]] == t->stamp) continue;
+        grown = dgfemi_one_more(t->cutter->hooks, t->tears, t->tear_count, &t->tear_capacity, sizeof *t->tears);
+        if (!grown) return 0;
+        t->tears = (dgfemi_skin_tear *)grown;
+        tear = &t->tears[t->tear_count++];
+        tear->corner = first + k, tear->vertex = corner[k], tear->copy = DGFEM_NONE;
+        tear->location = dgfemi_locate_in(t->locator->mesh, t->queue[0], rest);
+        for (int i = 1; i < count; i++) {
+            dgfemi_location location = dgfemi_locate_in(t->locator->mesh, t->queue[i], rest);
+            if (location.distance < tear->location.distance) tear->location = location;
+        }
+    }
+    return 1;
+}
+
+static int dgfemi_compare_tears(const void *a, const void *b) {
+    const dgfemi_skin_tear *s = (const dgfemi_skin_tear *)a, *t = (const dgfemi_skin_tear *)b;
+    if (s->vertex != t->vertex) return s->vertex < t->vertex ? -1 : 1;
+    if (s->location.element != t->location.element) return s->location.element < t->location.element ? -1 : 1;
+    return s->corner < t->corner ? -1 : s->corner > t->corner;
+}
+
+/* Fills `copy`: the vertex itself where all its triangles want it moved to one element, else one copy for each element.
+   used [vertices]: corners at each. 1 on success. */
+static int dgfemi_skin_copy_torn(dgfemi_skin_tearer *t, const int *used) {
+    dgfemi_skin_cutter *c = t->cutter;
+    if (t->tear_count > 0) qsort(t->tears, (size_t)t->tear_count, sizeof *t->tears, dgfemi_compare_tears);
+    for (int i = 0, end; i < t->tear_count; i = end) {
+        dgfemi_skin_vertex v = c->vertices[t->tears[i].vertex];
+        int vertex = t->tears[i].vertex, copy = vertex;
+        for (end = i + 1; end < t->tear_count && t->tears[end].vertex == vertex &&
+                          t->tears[end].location.element == t->tears[i].location.element;)
+            end++;
+        if (end - i < used[vertex])
+            copy = dgfemi_skin_add_vertex(c, v.rest, v.anchor, v.world, vertex, vertex, 0, v.side, v.element);
+        if (copy == DGFEM_NONE) return 0;
+        for (int k = i; k < end; k++) t->tears[k].copy = copy;
+    }
+    return 1;
+}
+
+/* 1 on success. */
+static int dgfemi_skin_apply_tears(dgfemi_skin_tearer *t, dgfemi_arena *arena, int count) {
+    dgfemi_skin_cutter *c = t->cutter;
+    const dgfem_mesh *mesh = t->locator->mesh;
+    dgfemi_places places;
+    if (!dgfemi_places_allocate(arena, c->vertex_count, &places)) return 0;
+    memcpy(places.element, t->places->element, (size_t)count * sizeof(int));
+    memcpy(places.window, t->places->window, (size_t)count * sizeof(dgfem_vec3));
+    for (int i = 0; i < t->tear_count; i++) {
+        const dgfemi_skin_tear *tear = &t->tears[i];
+        const dgfemi_location *l = &tear->location;
+        dgfemi_skin_vertex *v = &c->vertices[tear->copy];
+        v->anchor = dgfemi_add_scaled(l->nearest, DGFEM_ANCHOR_DEPTH,
+                                      dgfemi_sub(mesh->elements[l->element].centre, l->nearest));
+        places.element[tear->copy] = l->element;
+        places.window[tear->copy] = dgfemi_window_position(mesh, l, v->rest);
+        c->triangles.data[tear->corner] = tear->copy;
+    }
+    *t->places = places;
+    return 1;
+}
+
+/* Only triangles with a corner in an element at a cut can be torn. 1 on success. */
+static int dgfemi_skin_tear_triangles(dgfemi_arena *arena, dgfemi_skin_cutter *c, const dgfemi_locator *locator,
+                                      dgfemi_places *places) {
+    const dgfem_mesh *mesh = locator->mesh;
+    size_t elements = (size_t)mesh->element_count;
+    int count = c->vertex_count, ok, *used = (int *)dgfemi_arena_allocate_zero(arena, (size_t)count, sizeof(int));
+    dgfemi_skin_tearer t;
+    memset(&t, 0, sizeof t);
+    t.cutter = c, t.locator = locator, t.places = places;
+    t.at_cut = (char *)dgfemi_arena_allocate_zero(arena, elements, 1);
+    t.group = (int *)dgfemi_arena_allocate_zero(arena, elements, sizeof(int));
+    t.queue = (int *)dgfemi_arena_allocate(arena, elements, sizeof(int));
+    ok = used && t.at_cut && t.group && t.queue;
+    for (int f = 0; ok && f < mesh->face_count; f++)
+        if (mesh->faces[f].cut && mesh->faces[f].element[1] != DGFEM_NONE)
+            t.at_cut[mesh->faces[f].element[0]] = t.at_cut[mesh->faces[f].element[1]] = 1;
+    for (int i = 0; ok && i < c->triangles.count; i++) used[c->triangles.data[i]]++;
+    for (int i = 0; ok && i < c->triangles.count; i += 3) {
+        const int *corner = c->triangles.data + i;
+        int a = places->element[corner[0]], b = places->element[corner[1]], d = places->element[corner[2]];
+        if ((a == b && b == d) || !(t.at_cut[a] || t.at_cut[b] || t.at_cut[d])) continue;
+        ok = dgfemi_skin_find_tears(&t, i);
+    }
+    ok = ok && dgfemi_skin_copy_torn(&t, used) && (t.tear_count == 0 || dgfemi_skin_apply_tears(&t, arena, count));
+    dgfemi_free(c->hooks, t.tears);
+    return ok;
+}
+
+/* Places of all vertices, and their anchors. The last of several blades (`last`) leaves no triangle across a cut. 1 on
+   success, 0 when out of memory. */
+static int dgfemi_skin_find_places(dgfemi_arena *arena, dgfemi_skin_cutter *c, int last, dgfemi_places *places) {
     const dgfem_mesh *mesh = c->body->mesh;
     int between = c->skin->embedding->sample_count == 0; /* two blades: the elements are those of this mesh */
     dgfemi_blade_sides sides;
@@ -231,7 +402,7 @@ static int dgfemi_skin_find_places(dgfemi_arena *arena, dgfemi_skin_cutter *c, d
         (!between && !dgfemi_kinship_make(arena, mesh, c->skin->embedding, &kinship)))
         return 0;
     dgfemi_skin_place(c, &locator, &sides, between ? NULL : &kinship, places);
-    return 1;
+    return !last || dgfemi_skin_tear_triangles(arena, c, &locator, places);
 }
 
 /* ---- the new skin ---- */
@@ -261,7 +432,7 @@ static int dgfemi_skin_result_allocate(const dgfemi_skin_cutter *c, dgfem_skin *
 static void dgfemi_skin_result_fill(const dgfemi_skin_cutter *c, dgfem_skin *out) {
     const dgfem_skin *skin = c->skin;
     int original = skin->original_vertex_count, old = skin->vertex_count, walls = c->cap_triangles.count / 3;
-    out->cut_count = skin->cut_count + (walls > 0 || out->triangle_count > skin->triangle_count);
+    out->cut_count = skin->cut_count + (walls > 0 || c->edges.count > 0);
     for (int v = 0; v < out->vertex_count; v++) {
         const dgfemi_skin_vertex *vertex = &c->vertices[v];
         out->weld[v] = vertex->weld, out->anchors[v] = vertex->anchor;
@@ -302,7 +473,7 @@ static dgfem_status dgfemi_skin_result(dgfemi_skin_cutter *c, const dgfem_embedd
     dgfem_points_in rest;
     dgfem_status status = DGFEM_OK;
     if (skin) skin->hooks = *hooks;
-    if (!skin || !dgfemi_skin_find_places(&arena, c, &places) || !dgfemi_skin_result_allocate(c, skin))
+    if (!skin || !dgfemi_skin_find_places(&arena, c, c->last, &places) || !dgfemi_skin_result_allocate(c, skin))
         status = dgfemi_fail_memory(hooks);
     if (status == DGFEM_OK) dgfemi_skin_result_fill(c, skin);
     if (status == DGFEM_OK && !weights && !dgfemi_skin_keep_places(c, &places, skin))
@@ -323,23 +494,34 @@ static dgfem_status dgfemi_skin_result(dgfemi_skin_cutter *c, const dgfem_embedd
     return DGFEM_OK;
 }
 
-/* A copy of the skin, cut by the blade; `body` is the body after its elements were. `weights` are those of the skin
+static int dgfemi_skin_list_elements(dgfemi_skin_cutter *c) {
+    for (int v = c->element->count; v < c->vertex_count; v++)
+        if (!dgfemi_push(c->hooks, c->element, c->vertices[v].element)) return 0;
+    return 1;
+}
+
+/* A copy of the skin, cut by the blade, the `last` of those that the body was cut by, or not; `body` is the body after its elements were. `weights` are those of the skin
    before all blades, of which many can be kept; NULL where another blade follows, and the copy can do nothing but be
-   cut again. On failure nothing is made. */
-static dgfem_status dgfemi_skin_cut(const dgfem_skin *skin, const dgfem_body *body, const dgfemi_blade *blade,
-                                    const dgfem_embedding *weights, dgfem_skin **out) {
+   cut again. element: of `before`, the body before all blades, that carried each vertex; those of new vertices are
+   appended. On failure nothing is made. */
+static dgfem_status dgfemi_skin_cut(const dgfem_skin *skin, const dgfem_body *body, const dgfem_body *before,
+                                    const dgfemi_blade *blade, int last, const dgfem_embedding *weights, dgfemi_ints *element,
+                                    dgfem_skin **out) {
     dgfemi_skin_cutter c;
     dgfem_status status;
     memset(&c, 0, sizeof c);
     c.skin = skin, c.body = body, c.blade = blade, c.hooks = &skin->hooks;
+    c.before = before, c.element = element, c.last = last;
     *out = NULL;
-    if (!dgfemi_skin_cutter_begin(&c)) {
+    if (!dgfemi_skin_cutter_begin(&c) || !dgfemi_skin_find_layers(&c)) {
         dgfemi_skin_cutter_free(&c);
         return dgfemi_fail_memory(&skin->hooks);
     }
     dgfemi_skin_find_signs(&c);
-    if (dgfemi_skin_find_chords(&c) && dgfemi_skin_split_all(&c) && dgfemi_skin_find_slit(&c) &&
-        dgfemi_skin_find_caps(&c) && dgfemi_skin_make_vertices(&c) && dgfemi_skin_make_walls(&c))
+    if (dgfemi_skin_find_chords(&c) && dgfemi_skin_split_all(&c) && dgfemi_skin_merge_short_edges(&c) &&
+        dgfemi_skin_find_slit(&c) &&
+        dgfemi_skin_find_caps(&c) && dgfemi_skin_make_vertices(&c) && dgfemi_skin_make_walls(&c) &&
+        dgfemi_skin_list_elements(&c))
         status = dgfemi_skin_result(&c, weights, out);
     else status = dgfemi_fail_memory(&skin->hooks);
     dgfemi_skin_cutter_free(&c);

@@ -33,6 +33,7 @@ enum { DGFEMI_BELOW = 1, DGFEMI_ABOVE = 2, DGFEMI_LINKED = 4, DGFEMI_SLIT = 8 };
 typedef struct dgfemi_skin_point {
     dgfem_vec3 world, rest, anchor;
     int weld;      /* the point that stands for all of this place, itself included */
+    int element;   /* that carried it before all blades */
     int parent[2]; /* points; DGFEM_NONE for old vertices */
     dgfem_real t;
     int out[2]; /* vertices of the result, below and above; the same where the point is not separated */
@@ -46,6 +47,7 @@ typedef struct dgfemi_skin_point {
 typedef struct dgfemi_skin_part {
     int corner[3]; /* points */
     int source, wall;
+    int of;   /* triangle that it is a part of; DGFEM_NONE: no area is left of it */
     int side; /* DGFEMI_BELOW, DGFEMI_ABOVE, or both: not split though it crosses the plane */
 } dgfemi_skin_part;
 
@@ -66,6 +68,7 @@ typedef struct dgfemi_skin_edges {
 /* A point of the cross-section. */
 typedef struct dgfemi_cap_point {
     int weld;      /* point of the skin, or DGFEM_NONE inside */
+    int element, layer;
     int parent[2]; /* of points between two others: points of the cross-section */
     dgfem_vec3 world, rest;
     int out[2]; /* vertices of the walls */
@@ -76,7 +79,7 @@ typedef struct dgfemi_skin_vertex {
     dgfem_vec3 rest, anchor, world;
     int parent[2];
     dgfem_real weight;
-    int weld;
+    int weld, element;
     int side; /* -1, 1, or 0 where it does not matter */
     int slit; /* 1: it has a counterpart on the other side */
 } dgfemi_skin_vertex;
@@ -86,6 +89,11 @@ typedef struct dgfemi_skin_cutter {
     const dgfem_body *body;
     const dgfemi_blade *blade;
     const dgfem_hooks *hooks;
+    const dgfem_body *before; /* all blades */
+    int last;                 /* 1: no further blade follows */
+    dgfemi_ints *element;     /* [the skin's vertices] of `before` */
+    int *layer;               /* [elements of `before`] that the blade meets them in; DGFEM_NONE */
+    int layer_count;
     dgfemi_skin_point *points;
     int point_count, point_capacity;
     dgfemi_skin_part *parts;
@@ -104,6 +112,7 @@ typedef struct dgfemi_skin_cutter {
 } dgfemi_skin_cutter;
 
 static void dgfemi_skin_cutter_free(dgfemi_skin_cutter *c) {
+    dgfemi_free(c->hooks, c->layer);
     dgfemi_free(c->hooks, c->points);
     dgfemi_free(c->hooks, c->parts);
     dgfemi_free(c->hooks, c->split);
@@ -149,7 +158,7 @@ static int dgfemi_skin_add_point(dgfemi_skin_cutter *c, int a, int b, dgfem_real
     p->anchor = dgfemi_add_scaled(pa->anchor, t, dgfemi_sub(pb->anchor, pa->anchor));
     p->world =
         dgfemi_add_scaled(dgfemi_skin_world(c, a), t, dgfemi_sub(dgfemi_skin_world(c, b), dgfemi_skin_world(c, a)));
-    p->parent[0] = a, p->parent[1] = b, p->t = t;
+    p->parent[0] = a, p->parent[1] = b, p->t = t, p->element = pa->element;
     p->weld = weld == DGFEM_NONE ? c->point_count : weld;
     p->out[0] = p->out[1] = p->first[0] = p->first[1] = p->cap = DGFEM_NONE;
     return c->point_count++;
@@ -189,14 +198,14 @@ static int dgfemi_skin_cutter_begin(dgfemi_skin_cutter *c) {
         dgfemi_skin_point *p = &c->points[v];
         p->world = skin->positions[v], p->rest = skin->embedding->points[v];
         p->anchor = skin->anchors ? skin->anchors[v] : p->rest;
-        p->weld = skin->weld ? skin->weld[v] : v;
+        p->weld = skin->weld ? skin->weld[v] : v, p->element = c->element->data[v];
         p->parent[0] = p->parent[1] = p->out[0] = p->out[1] = p->first[0] = p->first[1] = p->cap = DGFEM_NONE;
     }
     for (int t = 0; t < skin->triangle_count; t++) {
         memcpy(c->parts[t].corner, skin->triangles + 3 * t, sizeof c->parts[t].corner);
         c->parts[t].source = skin->source ? skin->source[t] : t;
         c->parts[t].wall = skin->wall ? skin->wall[t] : 0;
-        c->parts[t].side = 0;
+        c->parts[t].of = t, c->parts[t].side = 0;
     }
     return dgfemi_buckets_reset(c->hooks, &c->edges.buckets, skin->triangle_count / 4) &&
            dgfemi_buckets_reset(c->hooks, &c->plane_edges.buckets, skin->triangle_count / 4) &&
@@ -217,12 +226,31 @@ static dgfem_real dgfemi_skin_flatness(const dgfemi_skin_cutter *c) {
     return dgfemi_max(DGFEM_SKIN_FLAT * dgfemi_distance(lower, upper), 16 * DGFEM_EPSILON * size);
 }
 
+/* Of the elements, by volume: small ones that cuts leave do not count for much. */
+static dgfem_real dgfemi_skin_mean_radius(const dgfem_mesh *mesh) {
+    dgfem_real sum = 0, volume = 0;
+    for (int e = 0; e < mesh->element_count; e++) {
+        sum += mesh->elements[e].volume * mesh->elements[e].radius;
+        volume += mesh->elements[e].volume;
+    }
+    return volume > 0 ? sum / volume : 0;
+}
+
+/* Vertices of earlier walls nearer to the plane than this part of the elements' radius count as on it. So a stroke goes
+   on where the last one ended, though its slit has moved a little, and walls are not cut into ever thinner slices. */
+#define DGFEM_SKIN_WALL_SNAP DGFEM_R(0.05)
+
 /* Signs of all welds; then those too near to the plane on an edge that crosses it become zero. */
 static void dgfemi_skin_find_signs(dgfemi_skin_cutter *c) {
     dgfem_real flat = c->point_count > 0 ? dgfemi_skin_flatness(c) : 0;
+    dgfem_real wall_flat = DGFEM_SKIN_WALL_SNAP * dgfemi_skin_mean_radius(c->body->mesh);
     for (int v = 0; v < c->point_count; v++) {
         dgfem_real d = dgfemi_blade_distance(c->blade, c->points[v].world);
         c->points[v].sign = (d > flat) - (d < -flat);
+    }
+    for (int i = 0; i < 3 * c->part_count; i++) {
+        dgfemi_skin_point *p = dgfemi_skin_weld(c, c->parts[i / 3].corner[i % 3]);
+        if (c->parts[i / 3].wall && dgfemi_abs(dgfemi_blade_distance(c->blade, p->world)) < wall_flat) p->sign = 0;
     }
     for (int i = 0; i < 3 * c->part_count; i++) {
         const int *corner = c->parts[i / 3].corner;
@@ -551,11 +579,80 @@ static int dgfemi_skin_split_triangle(dgfemi_skin_cutter *c, int of) {
 
 static int dgfemi_skin_split_all(dgfemi_skin_cutter *c) {
     int count = c->part_count;
-    if (c->edges.count > 0)
-        for (int i = 0; i < count; i++)
-            if (!dgfemi_skin_split_triangle(c, i)) return 0;
-    for (int i = 0; i < c->part_count; i++) c->parts[i].side = dgfemi_skin_side(c, c->parts[i].corner);
+    if (c->edges.count == 0) return 1;
+    for (int i = 0; i < count; i++)
+        if (!dgfemi_skin_split_triangle(c, i)) return 0;
     return 1;
+}
+
+/* ---- short edges along the blade ---- */
+
+/* New points on earlier walls nearer to each other than this part of the elements' radius become one. Without it every
+   cut through the thin triangles of a wall would leave as many points as it meets edges, and its own walls thinner
+   triangles yet. Walls are flat, and lose little; the skin as it was made keeps all its points. */
+#define DGFEM_SKIN_WALL_SPACING DGFEM_R(0.25)
+
+/* Whether a point may move to another one: new, on an edge, not on a seam, where it has copies, and no tip's parent. */
+static int dgfemi_skin_is_free(const dgfemi_skin_cutter *c, const char *kept, int point) {
+    const dgfemi_skin_point *p = &c->points[point];
+    int old = c->skin->vertex_count;
+    return point >= old && p->weld == point && !kept[point] && p->parent[0] < old && p->parent[1] < old;
+}
+
+static int dgfemi_skin_merged(int *into, int point) {
+    while (into[point] != point) point = into[point] = into[into[point]];
+    return point;
+}
+
+/* Fills into[points]: the point that each is merged with. */
+static void dgfemi_skin_merge_points(const dgfemi_skin_cutter *c, const char *kept, int *into) {
+    dgfem_real spacing = DGFEM_SKIN_WALL_SPACING * dgfemi_skin_mean_radius(c->body->mesh);
+    for (int i = 0; i < c->point_count; i++) into[i] = i;
+    for (int i = 0; i < 3 * c->part_count; i++) {
+        int a = c->parts[i / 3].corner[i % 3], b = c->parts[i / 3].corner[(i + 1) % 3];
+        if (!c->parts[i / 3].wall || dgfemi_skin_sign(c, a) || dgfemi_skin_sign(c, b)) continue;
+        a = dgfemi_skin_merged(into, a), b = dgfemi_skin_merged(into, b);
+        if (c->points[a].weld == c->points[b].weld) continue;
+        if (!(dgfemi_distance(dgfemi_skin_world(c, a), dgfemi_skin_world(c, b)) < spacing)) continue;
+        if (dgfemi_skin_is_free(c, kept, b)) into[b] = a;
+        else if (dgfemi_skin_is_free(c, kept, a)) into[a] = b;
+    }
+}
+
+/* Drops the parts of which merging has left nothing; a triangle's place goes to another part of it. */
+static void dgfemi_skin_drop_parts(dgfemi_skin_cutter *c) {
+    int kept = 0;
+    for (int i = c->skin->triangle_count; i < c->part_count; i++) {
+        dgfemi_skin_part *part = &c->parts[i];
+        if (part->of == DGFEM_NONE || c->parts[part->of].of != DGFEM_NONE) continue;
+        c->parts[part->of] = *part;
+        part->of = DGFEM_NONE;
+    }
+    for (int i = 0; i < c->part_count; i++)
+        if (c->parts[i].of != DGFEM_NONE) c->parts[kept++] = c->parts[i];
+    c->part_count = kept;
+}
+
+/* 1 on success. */
+static int dgfemi_skin_merge_short_edges(dgfemi_skin_cutter *c) {
+    int *into = (int *)dgfemi_allocate(c->hooks, (size_t)c->point_count, sizeof(int));
+    char *kept = (char *)dgfemi_allocate_zero(c->hooks, (size_t)c->point_count, 1);
+    int ok = into && kept;
+    for (int i = c->skin->vertex_count; ok && i < c->point_count; i++) {
+        if (c->points[i].weld != i) kept[c->points[i].weld] = 1;
+        for (int k = 0; k < 2; k++) kept[c->points[i].parent[k]] = 1;
+    }
+    if (ok) dgfemi_skin_merge_points(c, kept, into);
+    for (int i = 0; ok && i < c->part_count; i++) {
+        int *corner = c->parts[i].corner;
+        for (int k = 0; k < 3; k++) corner[k] = dgfemi_skin_merged(into, corner[k]);
+        if (corner[0] == corner[1] || corner[1] == corner[2] || corner[2] == corner[0]) c->parts[i].of = DGFEM_NONE;
+    }
+    if (ok) dgfemi_skin_drop_parts(c);
+    for (int i = 0; ok && i < c->part_count; i++) c->parts[i].side = dgfemi_skin_side(c, c->parts[i].corner);
+    dgfemi_free(c->hooks, into);
+    dgfemi_free(c->hooks, kept);
+    return ok;
 }
 
 /* ---- the slit ---- */

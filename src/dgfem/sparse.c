@@ -1,5 +1,6 @@
 #pragma once
 #include "base.c"
+#include "panel.c"
 /* Symmetric matrix in dense blocks of any sizes. Stored is the lower half, by rows of blocks. */
 
 DGFEM_API dgfem_matrix_desc dgfem_default_matrix_desc(void) {
@@ -232,7 +233,7 @@ static int dgfemi_vector_not_finite(int count, const dgfem_real *x) {
 
 /* ---- product ---- */
 
-/* Both kernels treat a block in strips of 12, 3 and 1 columns: all loops over a strip have a constant length and its
+/* Both functions treat a block in strips of 12, 3 and 1 columns: all loops over a strip have a constant length and its
    vector lives in registers. */
 
 /* y += A x for one strip; `stride` is the length of a row of the block. */
@@ -277,10 +278,17 @@ static void dgfemi_block_multiply_transposed(const dgfem_real *a, int rows, int 
     for (; j < columns; j++) dgfemi_strip_multiply_transposed(a + j, columns, rows, 1, x, y + j);
 }
 
+/* The kernels that multiply large blocks faster than what the compiler makes of the functions above: where four reals
+   make a vector, three of them a row of 12. NULL where there are none. */
+static const dgfemi_kernels *dgfemi_product_kernels(void) {
+    return DGFEM_REAL_IS_FLOAT ? NULL : dgfemi_kernels_for(DGFEM_SIMD_AVX2);
+}
+
 /* Every part of y receives its products in ascending order of the block that they come from: first its own row, then,
    transposed, the rows below. A loop over the parts of y in place of the rows of A, which several threads can share,
    gives therefore the same bits; it reads each block twice. */
 DGFEM_API void dgfem_matrix_multiply(const dgfem_matrix *matrix, const dgfem_real *x, dgfem_real *y) {
+    const dgfemi_kernels *kernels = dgfemi_product_kernels();
     int r, k;
     if (!matrix || !x || !y) return;
     memset(y, 0, (size_t)matrix->size * sizeof *y);
@@ -289,6 +297,12 @@ DGFEM_API void dgfem_matrix_multiply(const dgfem_matrix *matrix, const dgfem_rea
         for (k = matrix->row_start[r]; k < matrix->row_start[r + 1]; k++) {
             const dgfem_real *block = matrix->values + matrix->value_start[k];
             int column = matrix->offset[matrix->column[k]], columns = dgfemi_block_size(matrix, matrix->column[k]);
+            if (kernels && columns >= 12) {
+                int both = column != row;
+                kernels->multiply_block(block, rows, columns, x + column, y + row, both ? x + row : NULL,
+                                        both ? y + column : NULL);
+                continue;
+            }
             dgfemi_block_multiply(block, rows, columns, x + column, y + row);
             if (column != row) dgfemi_block_multiply_transposed(block, rows, columns, x + row, y + column);
         }

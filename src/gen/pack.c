@@ -7,7 +7,9 @@
    order is the order of dependency: a part may include only parts that stand above it, and since those are in the file
    already, such includes are dropped, as is #pragma once. Two kinds of quoted include are special:
      - a product header that has an umbrella of its own ("dgfem.h" in dgfem_shell.in.h) stays as it is;
-     - a part named *_generated.c or *_generated.h is not listed in the umbrella but inserted where its user includes it.
+     - a part named *_generated.c or *_generated.h is not listed in the umbrella but inserted where its user includes it;
+     - a part without #pragma once is not listed either, and is inserted at each of its includes: code that is compiled
+       several times with different macros.
    The umbrella's line that is just a comment `@contents` becomes a table of contents: each part's name and the first
    sentence of its first comment.
 
@@ -292,6 +294,20 @@ static int part_add(packer *p, const char *name, const reader *from) {
     return p->count++;
 }
 
+/* A part without #pragma once is inserted wherever it is included. */
+static int is_repeated(const packer *p, const char *name) {
+    char path[MAX_PATH];
+    text source = {0};
+    reader r = reader_make(name, &source);
+    int repeated;
+    join(path, p->source_directory, name);
+    repeated = file_read(path, &source);
+    while (repeated && reader_next(&r))
+        if (reader_is_pragma_once(&r)) repeated = 0;
+    free(source.data);
+    return repeated;
+}
+
 /* Reads every part that the umbrella lists. */
 static void collect_parts(packer *p, const text *umbrella) {
     reader r = reader_make(p->umbrella, umbrella);
@@ -362,8 +378,8 @@ static void add_line(packer *p, const reader *r) {
     text_add_string(&p->out, "\n");
 }
 
-/* Copies the lines of one part. `user` is the listed part that it belongs to: itself or, for a generated part, the
-   includer. A generated part (nested = 1) includes no other generated part, so this calls itself once at most. */
+/* Copies the lines of one part. `user` is the listed part that it belongs to: itself or, for a part that is not listed,
+   the includer. Such a part (nested = 1) includes no other of its kind, so this calls itself once at most. */
 static void add_part(packer *p, int index, int user, int nested) {
     reader r = reader_make(p->parts[index].name, &p->parts[index].source);
     char folder[MAX_NAME], name[MAX_NAME], full[2 * MAX_NAME];
@@ -382,6 +398,10 @@ static void add_part(packer *p, int index, int user, int nested) {
             } else if (is_generated(full) && !nested) {
                 if (found >= 0) fail("%s:%d: \"%s\" is included twice", r.name, r.line_number, full);
                 add_part(p, part_add(p, full, &r), user, 1);
+                text_add_string(&p->out, "\n");
+                blank = 1;
+            } else if (!nested && is_repeated(p, full)) {
+                add_part(p, found >= 0 ? found : part_add(p, full, &r), user, 1);
                 text_add_string(&p->out, "\n");
                 blank = 1;
             } else if (!is_product(p, name)) {

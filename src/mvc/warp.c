@@ -1,0 +1,183 @@
+#pragma once
+#include "conditions.c"
+/* Stiffness warping: rotations of elements, elastic forces and stiffness in rotated frames.
+
+   An element's rotation R, from rest X to now x, is the one that minimizes sum mu_i |R (X_i - X_c) - (x_i - x_c)|^2
+   (Horn 1987): the unit quaternion of the largest eigenvalue of a symmetric 4 x 4 matrix. With it
+     f = -R K (R^T (x - x_c) - (X - X_c)),    K_w = R K R^T */
+
+/* A rotation is not determined where the two largest eigenvalues are closer than this times the size of the matrix,
+   or of its value at rest. */
+#define DGFEM_MVCI_NO_ROTATION (DGFEM_REAL_IS_FLOAT ? 1e-5 : 1e-8)
+
+/* Eigenvalues of a symmetric 4 x 4 matrix on its diagonal, eigenvectors in the columns of v, by Jacobi's method. */
+static void dgfem_mvci_jacobi4(double a[4][4], double v[4][4]) {
+    for (int i = 0; i < 16; i++) v[i / 4][i % 4] = i % 5 == 0;
+    for (int sweep = 0; sweep < 30; sweep++) {
+        double off = 0, all = 0;
+        for (int i = 0; i < 16; i++) {
+            double square = a[i / 4][i % 4] * a[i / 4][i % 4];
+            all += square;
+            if (i % 5) off += square;
+        }
+        if (!(off > 1e-34 * all)) return;
+        for (int p = 0; p < 3; p++)
+            for (int q = p + 1; q < 4; q++) {
+                if (a[p][q] == 0) continue;
+                double half = (a[q][q] - a[p][p]) / (2 * a[p][q]);
+                double t = (half < 0 ? -1 : 1) / (fabs(half) + sqrt(half * half + 1));
+                double c = 1 / sqrt(t * t + 1), s = t * c;
+                for (int k = 0; k < 4; k++) {
+                    double x = a[k][p], y = a[k][q];
+                    a[k][p] = c * x - s * y, a[k][q] = s * x + c * y;
+                    x = v[k][p], y = v[k][q];
+                    v[k][p] = c * x - s * y, v[k][q] = s * x + c * y;
+                }
+                for (int k = 0; k < 4; k++) {
+                    double x = a[p][k], y = a[q][k];
+                    a[p][k] = c * x - s * y, a[q][k] = s * x + c * y;
+                }
+            }
+    }
+}
+
+static dgfem_mat3 dgfem_mvci_quaternion_rotation(double w, double x, double y, double z) {
+    dgfem_mat3 r;
+    r.m[0][0] = (dgfem_real)(w * w + x * x - y * y - z * z);
+    r.m[0][1] = (dgfem_real)(2 * (x * y - w * z));
+    r.m[0][2] = (dgfem_real)(2 * (x * z + w * y));
+    r.m[1][0] = (dgfem_real)(2 * (x * y + w * z));
+    r.m[1][1] = (dgfem_real)(w * w - x * x + y * y - z * z);
+    r.m[1][2] = (dgfem_real)(2 * (y * z - w * x));
+    r.m[2][0] = (dgfem_real)(2 * (x * z - w * y));
+    r.m[2][1] = (dgfem_real)(2 * (y * z + w * x));
+    r.m[2][2] = (dgfem_real)(w * w - x * x - y * y + z * z);
+    return r;
+}
+
+/* Horn's fit to s = sum of weights times rest (row) times position (column), both about their centres, at rest of trace
+   `inertia`; `last` where it is not determined: all in one place, on a line, or inverted like a point reflection. */
+static dgfem_mat3 dgfem_mvci_horn(double s[3][3], double inertia, const dgfem_mat3 *last) {
+    double a[4][4], v[4][4], size = inertia * inertia;
+    int best = 0, second = 1;
+    for (int i = 0; i < 9; i++) size += s[i / 3][i % 3] * s[i / 3][i % 3];
+    a[0][0] = s[0][0] + s[1][1] + s[2][2];
+    a[0][1] = a[1][0] = s[1][2] - s[2][1];
+    a[0][2] = a[2][0] = s[2][0] - s[0][2];
+    a[0][3] = a[3][0] = s[0][1] - s[1][0];
+    a[1][1] = s[0][0] - s[1][1] - s[2][2];
+    a[2][2] = s[1][1] - s[0][0] - s[2][2];
+    a[3][3] = s[2][2] - s[0][0] - s[1][1];
+    a[1][2] = a[2][1] = s[0][1] + s[1][0];
+    a[1][3] = a[3][1] = s[2][0] + s[0][2];
+    a[2][3] = a[3][2] = s[1][2] + s[2][1];
+    dgfem_mvci_jacobi4(a, v);
+    for (int i = 1; i < 4; i++) {
+        if (a[i][i] > a[best][best]) second = best, best = i;
+        else if (a[i][i] > a[second][second] || second == best) second = i;
+    }
+    if (!(a[best][best] - a[second][second] > DGFEM_MVCI_NO_ROTATION * sqrt(size))) return *last;
+    return dgfem_mvci_quaternion_rotation(v[0][best], v[1][best], v[2][best], v[3][best]);
+}
+
+/* The weighted mean of nodal values over an element: of rest places its centroid. */
+static dgfem_vec3 dgfem_mvci_element_mean(const dgfem_mvc *body, int e, const dgfem_vec3 *x) {
+    const dgfem_mvc_system *system = body->system;
+    dgfem_vec3 first = x[system->nodes[system->node_start[e]]], sum = dgfem_mvci_vec3(0, 0, 0);
+    for (int i = system->node_start[e]; i < system->node_start[e + 1]; i++)
+        sum = dgfem_mvci_axpy(sum, system->share[i], dgfem_mvci_sub(x[system->nodes[i]], first));
+    return dgfem_mvci_add(first, sum);
+}
+
+static dgfem_mat3 dgfem_mvci_element_rotation(const dgfem_mvc *body, int e, const dgfem_vec3 *x) {
+    const dgfem_mvc_system *system = body->system;
+    dgfem_vec3 centre = dgfem_mvci_element_mean(body, e, x);
+    double s[3][3], inertia = 0;
+    memset(s, 0, sizeof s);
+    for (int i = system->node_start[e]; i < system->node_start[e + 1]; i++) {
+        dgfem_vec3 from = dgfem_mvci_sub(body->rest[system->nodes[i]], body->centre[e]);
+        dgfem_vec3 to = dgfem_mvci_sub(x[system->nodes[i]], centre);
+        double a[3], b[3];
+        a[0] = (double)from.x, a[1] = (double)from.y, a[2] = (double)from.z;
+        b[0] = (double)to.x, b[1] = (double)to.y, b[2] = (double)to.z;
+        for (int k = 0; k < 9; k++) s[k / 3][k % 3] += (double)system->share[i] * a[k / 3] * b[k % 3];
+        inertia += (double)system->share[i] * (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
+    }
+    return dgfem_mvci_horn(s, inertia, &body->rotation[e]);
+}
+
+/* Rotations of all elements at the current positions. */
+static void dgfem_mvci_rotations(const dgfem_mvc *body, dgfem_mat3 *out) {
+    for (int e = 0; e < body->element_count; e++)
+        out[e] = body->desc.warp ? dgfem_mvci_element_rotation(body, e, body->position) : dgfem_mvci_identity();
+}
+
+/* ---- forces ---- */
+
+/* y = R^T (x - x_c) - (X - X_c) at the k-th node of an element. */
+static dgfem_vec3 dgfem_mvci_local_displacement(const dgfem_mvc *body, int e, int k, const dgfem_mat3 *rotation,
+                                                dgfem_vec3 centre) {
+    int node = body->system->nodes[body->system->node_start[e] + k];
+    dgfem_vec3 now = dgfem_mvci_multiply_transposed(rotation, dgfem_mvci_sub(body->position[node], centre));
+    return dgfem_mvci_sub(now, dgfem_mvci_sub(body->rest[node], body->centre[e]));
+}
+
+static dgfem_vec3 dgfem_mvci_block_multiply(const dgfem_real *m, dgfem_vec3 v) {
+    return dgfem_mvci_vec3(m[0] * v.x + m[1] * v.y + m[2] * v.z, m[3] * v.x + m[4] * v.y + m[5] * v.z,
+                           m[6] * v.x + m[7] * v.y + m[8] * v.z);
+}
+
+static dgfem_vec3 dgfem_mvci_block_multiply_transposed(const dgfem_real *m, dgfem_vec3 v) {
+    return dgfem_mvci_vec3(m[0] * v.x + m[3] * v.y + m[6] * v.z, m[1] * v.x + m[4] * v.y + m[7] * v.z,
+                           m[2] * v.x + m[5] * v.y + m[8] * v.z);
+}
+
+/* Elastic energy of an element; with `out` (by node of the body) also adds R K y. */
+static dgfem_real dgfem_mvci_element_force(const dgfem_mvc *body, int e, const dgfem_mat3 *rotation, dgfem_vec3 *out) {
+    const dgfem_mvc_system *system = body->system;
+    const dgfem_real *block = system->stiffness + 9 * system->pair_start[e];
+    const int *nodes = system->nodes + system->node_start[e];
+    int count = system->node_start[e + 1] - system->node_start[e];
+    dgfem_vec3 centre = dgfem_mvci_element_mean(body, e, body->position);
+    dgfem_vec3 *y = system->local, *force = system->local + system->max_nodes;
+    dgfem_real energy = 0;
+    for (int a = 0; a < count; a++) {
+        y[a] = dgfem_mvci_local_displacement(body, e, a, rotation, centre);
+        force[a] = dgfem_mvci_vec3(0, 0, 0);
+        for (int b = 0; b < a; b++, block += 9) {
+            force[a] = dgfem_mvci_add(force[a], dgfem_mvci_block_multiply(block, y[b]));
+            force[b] = dgfem_mvci_add(force[b], dgfem_mvci_block_multiply_transposed(block, y[a]));
+        }
+        force[a] = dgfem_mvci_add(force[a], dgfem_mvci_block_multiply(block, y[a]));
+        block += 9;
+    }
+    for (int a = 0; a < count; a++) {
+        energy += dgfem_mvci_dot(y[a], force[a]) / 2;
+        if (out) out[nodes[a]] = dgfem_mvci_add(out[nodes[a]], dgfem_mvci_multiply(rotation, force[a]));
+    }
+    return energy;
+}
+
+/* ---- stiffness ---- */
+
+/* matrix += factor * sum R K R^T */
+static void dgfem_mvci_assemble_stiffness(const dgfem_mvc *body, const dgfem_mat3 *rotation, dgfem_real factor) {
+    const dgfem_mvc_system *system = body->system;
+    const dgfem_real *block = system->stiffness;
+    const size_t *map = system->map;
+    for (int e = 0; e < body->element_count; e++) {
+        const int *nodes = system->nodes + system->node_start[e];
+        int count = system->node_start[e + 1] - system->node_start[e];
+        dgfem_mat3 back = dgfem_mvci_transposed(&rotation[e]);
+        for (int a = 0; a < count; a++)
+            for (int b = 0; b <= a; b++, block += 9, map++) {
+                dgfem_real *to = system->matrix->values + *map;
+                dgfem_mat3 m;
+                memcpy(&m, block, sizeof m);
+                m = dgfem_mvci_multiply3(&m, &back);
+                m = dgfem_mvci_multiply3(&rotation[e], &m);
+                if (nodes[a] < nodes[b]) m = dgfem_mvci_transposed(&m);
+                for (int i = 0; i < 9; i++) to[i] += factor * m.m[i / 3][i % 3];
+            }
+    }
+}
