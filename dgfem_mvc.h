@@ -448,7 +448,7 @@ DGFEM_API dgfem_status dgfem_mvc_cut_polygon(dgfem_mvc *body, dgfem_points_in po
                                              dgfem_mvc_cut_info *info);
 
 /* Cuts along triangles (three vertex indices each), one after the other: a surface, or what a moving edge has swept.
-   Triangles without area cut nothing. */
+   Triangles without area cut nothing. Nodes are not snapped, whatever desc says, for the cuts must meet. */
 DGFEM_API dgfem_status dgfem_mvc_cut_surface(dgfem_mvc *body, dgfem_points_in vertices, const int *triangles,
                                              int triangle_count, const dgfem_mvc_cut_desc *desc,
                                              dgfem_mvc_cut_info *info);
@@ -1118,8 +1118,8 @@ static dgfem_real dgfem_mvci_element_star(const dgfem_mvci_mesh *mesh, int eleme
 static dgfem_vec3 dgfem_mvci_loop_area(const dgfem_vec3 *x, const int *loop, int count) {
     dgfem_vec3 sum = dgfem_mvci_vec3(0, 0, 0);
     for (int i = 2; i < count; i++)
-        sum = dgfem_mvci_add(sum, dgfem_mvci_cross(dgfem_mvci_sub(x[loop[i - 1]], x[loop[0]]),
-                                                   dgfem_mvci_sub(x[loop[i]], x[loop[0]])));
+        sum = dgfem_mvci_add(
+            sum, dgfem_mvci_cross(dgfem_mvci_sub(x[loop[i - 1]], x[loop[0]]), dgfem_mvci_sub(x[loop[i]], x[loop[0]])));
     return sum;
 }
 
@@ -1247,12 +1247,12 @@ static dgfem_mvci_mesh *dgfem_mvci_mesh_copy(const dgfem_mvci_mesh *mesh) {
     copy->position = (dgfem_vec3 *)dgfem_mvci_duplicate(hooks, mesh->position, nodes, sizeof(dgfem_vec3));
     copy->velocity = (dgfem_vec3 *)dgfem_mvci_duplicate(hooks, mesh->velocity, nodes, sizeof(dgfem_vec3));
     copy->origin = (int *)dgfem_mvci_duplicate(hooks, mesh->origin, nodes, sizeof(int));
-    copy->faces = (dgfem_mvci_face *)dgfem_mvci_duplicate(hooks, mesh->faces, (size_t)mesh->face_count,
-                                                          sizeof *mesh->faces);
+    copy->faces =
+        (dgfem_mvci_face *)dgfem_mvci_duplicate(hooks, mesh->faces, (size_t)mesh->face_count, sizeof *mesh->faces);
     copy->elements = (dgfem_mvci_element *)dgfem_mvci_duplicate(hooks, mesh->elements, (size_t)mesh->element_count,
                                                                 sizeof *mesh->elements);
-    copy->births = (dgfem_mvci_birth *)dgfem_mvci_duplicate(hooks, mesh->births, (size_t)mesh->birth_count,
-                                                            sizeof *mesh->births);
+    copy->births =
+        (dgfem_mvci_birth *)dgfem_mvci_duplicate(hooks, mesh->births, (size_t)mesh->birth_count, sizeof *mesh->births);
     if (copy->rest && copy->position && copy->velocity && copy->origin && copy->faces && copy->elements &&
         copy->births && dgfem_mvci_ints_copy(hooks, &mesh->loops, &copy->loops) &&
         dgfem_mvci_ints_copy(hooks, &mesh->triangles, &copy->triangles) &&
@@ -1350,8 +1350,7 @@ static int dgfem_mvci_add_node(dgfem_mvci_mesh *mesh, const int *parents, const 
     void *births = mesh->births;
     DGFEM_ASSERT(count <= 4);
     if (!dgfem_mvci_mesh_node_room(mesh, 1)) return DGFEM_NONE;
-    int ok = dgfem_mvci_room(&mesh->hooks, &births, mesh->birth_count, &mesh->birth_capacity, 1,
-                             sizeof *mesh->births);
+    int ok = dgfem_mvci_room(&mesh->hooks, &births, mesh->birth_count, &mesh->birth_capacity, 1, sizeof *mesh->births);
     mesh->births = (dgfem_mvci_birth *)births;
     if (!ok) return DGFEM_NONE;
     int node = mesh->node_count++;
@@ -1582,8 +1581,8 @@ static int dgfem_mvci_mesh_compact(dgfem_mvci_mesh *mesh) {
 
 /* Triangles of faces, stored once for both sides.
 
-   Ears are cut in the order of their smallest angles, the largest first, nodes of lower index first where they are equal:
-   so the result depends on the face alone. Hanging nodes make collinear corners. An ear is refused where it is flat,
+   Ears are cut in the order of their smallest angles, the largest first, nodes of lower index first where they are
+   equal: so the result depends on the face alone. Hanging nodes make collinear corners. An ear is refused where it is flat,
    where its diagonal meets another node (the trace would not conform there), and where it leaves only a line. */
 
 /* Triangles lower than this part of their longest side are flat; so is what is within round-off. */
@@ -1751,8 +1750,7 @@ static int dgfem_mvci_divide_face(dgfem_mvci_mesh *mesh, int face, const int *tr
             index = dgfem_mvci_add_face(mesh, old.owner[0], old.owner[1], triangles + 3 * t, 3, old.from, old.wall);
             if (index == DGFEM_NONE) return 0;
             for (int side = 0; side < 2; side++)
-                if (old.owner[side] != DGFEM_NONE &&
-                    !dgfem_mvci_add_element_face(mesh, old.owner[side], index, side))
+                if (old.owner[side] != DGFEM_NONE && !dgfem_mvci_add_element_face(mesh, old.owner[side], index, side))
                     return 0;
         } else if (!dgfem_mvci_set_loop(mesh, face, triangles, 3)) {
             return 0;
@@ -1763,9 +1761,9 @@ static int dgfem_mvci_divide_face(dgfem_mvci_mesh *mesh, int face, const int *tr
     return 1;
 }
 
-/* Triangulates one face; divides it where it is bent, or `divide`. DGFEM_ERROR_DEGENERATE where it has no area, or no
+/* Triangulates one face; divides it where it is bent. DGFEM_ERROR_DEGENERATE where it has no area, or no
    good triangles. */
-static dgfem_status dgfem_mvci_settle_face(dgfem_mvci_mesh *mesh, int face, int divide, dgfem_mvci_polygon *polygon) {
+static dgfem_status dgfem_mvci_settle_face(dgfem_mvci_mesh *mesh, int face, dgfem_mvci_polygon *polygon) {
     int count = mesh->faces[face].count;
     if (!dgfem_mvci_polygon_room(&mesh->hooks, polygon, count)) return DGFEM_ERROR_MEMORY;
     const int *loop = mesh->loops.data + mesh->faces[face].loop;
@@ -1773,7 +1771,7 @@ static dgfem_status dgfem_mvci_settle_face(dgfem_mvci_mesh *mesh, int face, int 
     double off = dgfem_mvci_polygon_project(mesh, loop, count, normal, polygon);
     int triangles = count < 3 ? 0 : dgfem_mvci_polygon_triangulate(polygon);
     if (!triangles) return DGFEM_ERROR_DEGENERATE;
-    if (triangles > 1 && (divide || off > DGFEM_MVC_PLANAR))
+    if (triangles > 1 && off > DGFEM_MVC_PLANAR)
         return dgfem_mvci_divide_face(mesh, face, polygon->triangles, triangles) ? DGFEM_OK : DGFEM_ERROR_MEMORY;
     int start = dgfem_mvci_append(&mesh->hooks, &mesh->triangles, polygon->triangles, 3 * triangles);
     if (start == DGFEM_NONE) return DGFEM_ERROR_MEMORY;
@@ -1791,7 +1789,7 @@ static dgfem_status dgfem_mvci_mesh_settle(dgfem_mvci_mesh *mesh, dgfem_mvci_int
     memset(&polygon, 0, sizeof polygon);
     for (int f = 0; f < faces && status != DGFEM_ERROR_MEMORY; f++) {
         if (mesh->faces[f].owner[0] == DGFEM_NONE || mesh->faces[f].triangle_count) continue;
-        status = dgfem_mvci_settle_face(mesh, f, 0, &polygon);
+        status = dgfem_mvci_settle_face(mesh, f, &polygon);
         if (status != DGFEM_ERROR_DEGENERATE) continue;
         degenerate = 1;
         if (bad && !dgfem_mvci_push(&mesh->hooks, bad, f)) status = DGFEM_ERROR_MEMORY;
@@ -1811,8 +1809,9 @@ static dgfem_status dgfem_mvci_check_source(const dgfem_mesh *source, const dgfe
     for (int f = 0; f < source->face_count; f++) {
         const dgfem_face *face = &source->faces[f];
         if (face->loop_count != 1)
-            return dgfem_mvci_fail(hooks, DGFEM_ERROR_ARGUMENT, "face %d of element %d has %d loops: holes must be cut open",
-                                   f, face->element[0], face->loop_count);
+            return dgfem_mvci_fail(hooks, DGFEM_ERROR_ARGUMENT,
+                                   "face %d of element %d has %d loops: holes must be cut open", f, face->element[0],
+                                   face->loop_count);
     }
     for (int i = 0; i < source->vertex_count; i++)
         if (!dgfem_mvci_is_finite3(source->vertices[i]))
@@ -1872,7 +1871,8 @@ static int dgfem_mvci_mesh_fill(dgfem_mvci_mesh *mesh, const dgfem_mesh *source,
 }
 
 /* Elements must be star-shaped about their centroid. */
-static dgfem_status dgfem_mvci_check_star(const dgfem_mvci_mesh *mesh, const dgfem_hooks *hooks, dgfem_status otherwise) {
+static dgfem_status dgfem_mvci_check_star(const dgfem_mvci_mesh *mesh, const dgfem_hooks *hooks,
+                                          dgfem_status otherwise) {
     for (int e = 0; e < mesh->element_count; e++) {
         dgfem_vec3 centre;
         int face = DGFEM_NONE;
@@ -1902,7 +1902,8 @@ static dgfem_status dgfem_mvci_mesh_create(const dgfem_mesh *source, const dgfem
     if (!status && !dgfem_mvci_mesh_compact(mesh)) status = DGFEM_ERROR_MEMORY;
     if (status == DGFEM_ERROR_MEMORY) (void)dgfem_mvci_fail_memory(hooks);
     if (status == DGFEM_ERROR_DEGENERATE)
-        (void)dgfem_mvci_fail(hooks, status, "face %d has no area, or corners too close to its other sides", bad.data[0]);
+        (void)dgfem_mvci_fail(hooks, status, "face %d has no area, or corners too close to its other sides",
+                              bad.data[0]);
     if (!status) status = dgfem_mvci_check_star(mesh, hooks, DGFEM_ERROR_DEGENERATE);
     dgfem_corners_destroy(corners);
     dgfem_mvci_free(hooks, bad.data);
@@ -4109,8 +4110,8 @@ typedef struct dgfem_mvci_levels {
 /* One attempt, and what earlier ones have learned. */
 typedef struct dgfem_mvci_splitter {
     const dgfem_hooks *hooks;
-    dgfem_plane plane;     /* unit normal */
-    int current;           /* 1: the plane is meant in the current positions; 0: at rest */
+    dgfem_plane plane; /* unit normal */
+    int current;       /* 1: the plane is meant in the current positions; 0: at rest */
     dgfem_real snap;
     dgfem_real *tolerance; /* [nodes before] part of a crossed edge within which the node counts as on the plane */
     char *keep;            /* [elements before] stays whole */
@@ -4426,8 +4427,8 @@ static int dgfem_mvci_face_side(const dgfem_mvci_splitter *s, const dgfem_mvci_m
     return (entry & 1 ? -up : up) > 0 ? -1 : 1;
 }
 
-/* s->list: the element's faces, s->group: their sides, s->root: connected ones of a side, s->sides: position in the list
-   by directed edge. 0 when out of memory, -1 where edges do not match. */
+/* s->list: the element's faces, s->group: their sides, s->root: connected ones of a side, s->sides: position in the
+   list by directed edge. 0 when out of memory, -1 where edges do not match. */
 static int dgfem_mvci_group_faces(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, int element) {
     int face_count;
     const int *faces = dgfem_mvci_element_faces(mesh, element, &face_count);
@@ -4635,7 +4636,10 @@ static void dgfem_mvci_splitter_learn(dgfem_mvci_splitter *s, const dgfem_mvci_m
         for (int k = 0; k < face_count; k++) {
             int count;
             const int *loop = dgfem_mvci_face_loop(mesh, faces[k] / 2, &count);
-            dgfem_real limit = attempt == 0 ? s->snap / 5 : attempt == 1 ? s->snap / 50 : attempt == 2 ? s->snap / 1000 : 0;
+            dgfem_real limit = attempt == 0   ? s->snap / 5
+                               : attempt == 1 ? s->snap / 50
+                               : attempt == 2 ? s->snap / 1000
+                                              : 0;
             for (int j = 0; j < count; j++)
                 if (s->tolerance[loop[j]] > limit) s->tolerance[loop[j]] = limit;
         }
@@ -4658,21 +4662,21 @@ typedef struct dgfem_mvci_points {
 
 /* A polygon without corners is the whole plane. */
 typedef struct dgfem_mvci_blade {
-    dgfem_plane plane;           /* unit normal */
-    dgfem_vec3 origin, u, v;     /* of the plane's coordinates */
-    int single, element;         /* single: only this element is split */
-    dgfem_mvci_points polygon;   /* counter-clockwise, without crossings */
+    dgfem_plane plane;         /* unit normal */
+    dgfem_vec3 origin, u, v;   /* of the plane's coordinates */
+    int single, element;       /* single: only this element is split */
+    dgfem_mvci_points polygon; /* counter-clockwise, without crossings */
     dgfem_mvci_points hull, clip, other;
 } dgfem_mvci_blade;
 
 typedef struct dgfem_mvci_cracks {
-    dgfem_mvci_ints faces;  /* that come apart */
-    dgfem_mvci_ints number; /* [nodes] position in `nodes`, or DGFEM_NONE */
-    dgfem_mvci_ints nodes;  /* of the faces */
+    dgfem_mvci_ints faces;                 /* that come apart */
+    dgfem_mvci_ints number;                /* [nodes] position in `nodes`, or DGFEM_NONE */
+    dgfem_mvci_ints nodes;                 /* of the faces */
     dgfem_mvci_ints pair_node, root, copy; /* of (node, element) */
-    dgfem_mvci_ints groups; /* [nodes of faces] groups of elements */
-    dgfem_mvci_ints region; /* [nodes of faces] connected by faces */
-    dgfem_mvci_ints cut;    /* [faces] 1: comes apart */
+    dgfem_mvci_ints groups;                /* [nodes of faces] groups of elements */
+    dgfem_mvci_ints region;                /* [nodes of faces] connected by faces */
+    dgfem_mvci_ints cut;                   /* [faces] 1: comes apart */
     dgfem_mvci_edges pairs, surface;
     dgfem_mvci_levels levels; /* of lines in the plane */
     int nodes_copied;
@@ -4850,8 +4854,8 @@ static int dgfem_mvci_select(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh
 
 /* ---- faces on the blade ---- */
 
-/* Which side of the blade the element of a face on the blade is on (1 above, -1 below). One that is on both, elsewhere, is
-   on the side that the face looks away from; 0 where the face does not lie along the blade. */
+/* Which side of the blade the element of a face on the blade is on (1 above, -1 below). One that is on both, elsewhere,
+   is on the side that the face looks away from; 0 where the face does not lie along the blade. */
 static int dgfem_mvci_element_side(const dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, int face, int side) {
     int face_count, above = 0, below = 0, count;
     const int *faces = dgfem_mvci_element_faces(mesh, mesh->faces[face].owner[side], &face_count);
@@ -4941,8 +4945,7 @@ static int dgfem_mvci_divide_along(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh
     for (int k = 0; k < before; k++) {
         int f = c->faces.data[k], count, keep = 0;
         const int *loop = dgfem_mvci_face_loop(mesh, f, &count);
-        for (int side = 0; side < 2; side++)
-            keep |= s->keep[dgfem_mvci_element_before(s, mesh->faces[f].owner[side])];
+        for (int side = 0; side < 2; side++) keep |= s->keep[dgfem_mvci_element_before(s, mesh->faces[f].owner[side])];
         if (keep || !(dgfem_mvci_segment_in_face(blade, dgfem_mvci_blade_space(s, mesh), loop, count, a, b) > 1e-6))
             continue;
         corners += count;
@@ -5003,8 +5006,7 @@ static void dgfem_mvci_keep_inside(const dgfem_mvci_splitter *s, const dgfem_mvc
         }
         if (area == 0) continue;
         for (int j = 0; j < 2; j++) centre[j] = start[j] + centre[j] / area;
-        if (dgfem_mvci_inside(&blade->polygon, centre) ||
-            dgfem_mvci_side_distance(&blade->polygon, centre) <= near)
+        if (dgfem_mvci_inside(&blade->polygon, centre) || dgfem_mvci_side_distance(&blade->polygon, centre) <= near)
             c->faces.data[kept++] = c->faces.data[k];
     }
     c->faces.count = kept;
@@ -5039,8 +5041,7 @@ static int dgfem_mvci_number_crack(const dgfem_hooks *hooks, const dgfem_mvci_me
         for (int i = 0; i < count; i++) {
             if (c->number.data[loop[i]] == DGFEM_NONE) {
                 c->number.data[loop[i]] = c->nodes.count;
-                if (!dgfem_mvci_push(hooks, &c->region, c->nodes.count) ||
-                    !dgfem_mvci_push(hooks, &c->nodes, loop[i]))
+                if (!dgfem_mvci_push(hooks, &c->region, c->nodes.count) || !dgfem_mvci_push(hooks, &c->nodes, loop[i]))
                     return 0;
             }
             if (i) dgfem_mvci_join(c->region.data, c->number.data[loop[0]], c->number.data[loop[i]]);
@@ -5117,8 +5118,8 @@ static int dgfem_mvci_open_mouths(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh,
 static void dgfem_mvci_face_centre(const dgfem_mvci_mesh *mesh, int face, int nodes[3], dgfem_real weights[3]) {
     int count, best = 0;
     const int *triangles = dgfem_mvci_face_triangles(mesh, face, &count);
-    dgfem_vec3 normal = dgfem_mvci_loop_area(mesh->rest, mesh->loops.data + mesh->faces[face].loop,
-                                             mesh->faces[face].count);
+    dgfem_vec3 normal =
+        dgfem_mvci_loop_area(mesh->rest, mesh->loops.data + mesh->faces[face].loop, mesh->faces[face].count);
     dgfem_vec3 centre = dgfem_mvci_vec3(0, 0, 0);
     dgfem_real total = 0, best_least = 0;
     for (int t = 0; t < count; t++) {
@@ -5143,7 +5144,7 @@ static void dgfem_mvci_face_centre(const dgfem_mvci_mesh *mesh, int face, int no
     for (int i = 0; i < 3; i++) nodes[i] = triangles[3 * best + i];
 }
 
-/* A node at the centroid of a face, which is divided into triangles around it, all of them cut. 0 when out of memory. */
+/* A node at the centroid of a face, which is divided into triangles around it, all cut. 0 when out of memory. */
 static int dgfem_mvci_fan(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh, dgfem_mvci_cracks *c, int face) {
     dgfem_mvci_face old = mesh->faces[face];
     int nodes[3], loop[3];
@@ -5295,8 +5296,7 @@ static dgfem_status dgfem_mvci_cut_attempt(dgfem_mvci_splitter *s, dgfem_mvci_me
                                          blade->polygon.at[(i + 1) % blade->polygon.count]))
                 return DGFEM_ERROR_MEMORY;
         status = dgfem_mvci_settle_attempt(s, mesh);
-        for (int k = 0; !status && k < c->faces.count; k++)
-            status = dgfem_mvci_check_owners(s, mesh, c->faces.data[k]);
+        for (int k = 0; !status && k < c->faces.count; k++) status = dgfem_mvci_check_owners(s, mesh, c->faces.data[k]);
         if (!status && s->failed.count) status = DGFEM_ERROR_DEGENERATE;
         if (status) return status;
         dgfem_mvci_keep_inside(s, mesh, blade, c);
@@ -5327,13 +5327,15 @@ static dgfem_status dgfem_mvci_cut_attempt(dgfem_mvci_splitter *s, dgfem_mvci_me
    A flat element is pressed into a plane: nodes that meet there become one, its edges are cut where they cross, and the
    cells of the plane become the faces between what was above it and what was below:
 
-        above    above                above               A needle's short edges vanish, and with them the needle;
-       /-------------\                                    flat neighbours that come of this follow.
+        above    above                above
+       /-------------\
       <  flat element >   ->    ------x-------x-----
-       \-----x-------/                                    Nodes of the body's boundary move within the boundary only.
-         below  below             below   below           Each removal is tried on a copy: where the elements around are
-                                                          not good afterwards, or a volume has passed the boundary, it is
-   dropped. */
+       \-----x-------/
+         below  below             below   below
+
+   A needle's short edges vanish, and with them the needle; flat neighbours that come of this follow. Nodes of the body's
+   boundary move within the boundary only. Each removal is tried on a copy, and dropped where the elements around are not
+   good afterwards, or where volume has passed the boundary. */
 
 typedef struct dgfem_mvci_sliver {
     const dgfem_hooks *hooks;
@@ -5445,8 +5447,7 @@ static int dgfem_mvci_node_bounds(const dgfem_mvci_sliver *s, int node, dgfem_ve
         for (int i = 0; i < face->count && !found; i++) found = loop[i] == node;
         if (!found) continue;
         dgfem_vec3 normal = dgfem_mvci_unit(dgfem_mvci_loop_area(mesh->rest, loop, face->count));
-        for (int i = 0; i < rank; i++)
-            normal = dgfem_mvci_axpy(normal, -dgfem_mvci_dot(normal, bounds[i]), bounds[i]);
+        for (int i = 0; i < rank; i++) normal = dgfem_mvci_axpy(normal, -dgfem_mvci_dot(normal, bounds[i]), bounds[i]);
         if (dgfem_mvci_norm(normal) > (DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-3) : DGFEM_R(1e-7)))
             bounds[rank++] = dgfem_mvci_unit(normal);
     }
@@ -5765,7 +5766,7 @@ static int dgfem_mvci_arrange(dgfem_mvci_sliver *s, int element) {
 
 /* ---- cells ---- */
 
-/* The edge that follows the one from a to b around the cell on its left: at b, the next one clockwise from back to a. */
+/* Where the edge that follows the one from a to b around the cell on its left ends: the next clockwise from a, at b. */
 static int dgfem_mvci_next_around(const dgfem_mvci_sliver *s, int a, int b) {
     double p[2], q[2], best_angle = 0;
     int best = DGFEM_NONE;
@@ -5799,13 +5800,15 @@ static int dgfem_mvci_cell_point(dgfem_mvci_sliver *s, double out[2]) {
     int count = dgfem_mvci_polygon_triangulate(&s->polygon);
     const int *t = s->polygon.triangles;
     for (int i = 0; i < count; i++) {
-        double area = dgfem_mvci_turn(s->polygon.point[t[3 * i]], s->polygon.point[t[3 * i + 1]],
-                                      s->polygon.point[t[3 * i + 2]]);
+        double area =
+            dgfem_mvci_turn(s->polygon.point[t[3 * i]], s->polygon.point[t[3 * i + 1]], s->polygon.point[t[3 * i + 2]]);
         if (area > largest) largest = area, best = i;
     }
     for (int j = 0; j < 2; j++)
         out[j] = count ? (s->polygon.point[t[3 * best]][j] + s->polygon.point[t[3 * best + 1]][j] +
-                          s->polygon.point[t[3 * best + 2]][j]) / 3 : 0;
+                          s->polygon.point[t[3 * best + 2]][j]) /
+                             3
+                       : 0;
     return count ? DGFEM_MVCI_DONE : DGFEM_MVCI_REFUSED;
 }
 
@@ -5853,8 +5856,7 @@ static int dgfem_mvci_close_cell(dgfem_mvci_sliver *s, int element) {
     }
     /* kept aside: the element's own faces are removed when all cells are known */
     int face = dgfem_mvci_add_face(s->mesh, below, above, s->cell.data, s->cell.count, from, wall);
-    if (face == DGFEM_NONE || !dgfem_mvci_push(s->hooks, &s->list, face) ||
-        !dgfem_mvci_push(s->hooks, &s->near, face))
+    if (face == DGFEM_NONE || !dgfem_mvci_push(s->hooks, &s->list, face) || !dgfem_mvci_push(s->hooks, &s->near, face))
         return DGFEM_MVCI_NO_MEMORY;
     return DGFEM_MVCI_DONE;
 }
@@ -6120,11 +6122,10 @@ static int dgfem_mvci_blade_set(const dgfem_hooks *hooks, dgfem_mvci_blade *blad
         middle = dgfem_mvci_axpy(middle, 1 / (dgfem_real)count, points[i]);
         longest = dgfem_mvci_max(longest, dgfem_mvci_distance(points[0], points[i]));
         if (i < 2) continue;
-        area = dgfem_mvci_add(area, dgfem_mvci_cross(dgfem_mvci_sub(points[i - 1], points[0]),
-                                                     dgfem_mvci_sub(points[i], points[0])));
+        area = dgfem_mvci_add(
+            area, dgfem_mvci_cross(dgfem_mvci_sub(points[i - 1], points[0]), dgfem_mvci_sub(points[i], points[0])));
     }
-    if (!(dgfem_mvci_norm(area) > (DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-9)) * longest * longest))
-        return -1;
+    if (!(dgfem_mvci_norm(area) > (DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-9)) * longest * longest)) return -1;
     dgfem_mvci_blade_axes(blade, dgfem_mvci_unit(area), middle);
     blade->polygon.count = 0;
     for (int i = 0; i < count; i++) {
@@ -6284,14 +6285,15 @@ DGFEM_API int dgfem_mvc_face_is_wall(const dgfem_mvc *body, int face) {
 typedef struct dgfem_mvci_job {
     dgfem_mvc *body;
     const dgfem_mvc_cut_desc *desc;
+    dgfem_real snap;
     dgfem_mvci_mesh *mesh; /* NULL: that of the body still */
     dgfem_mvci_blade blade;
     dgfem_mvc_cut_info info;
     dgfem_mvci_scratch scratch;
-    int *old_piece; /* [new elements] piece before */
-    int *piece;     /* [new elements] */
-    int *largest;   /* [pieces before] largest of the pieces that it has become */
-    int *elements;  /* of one piece */
+    int *old_piece;     /* [new elements] piece before */
+    int *piece;         /* [new elements] */
+    int *largest;       /* [pieces before] largest of the pieces that it has become */
+    int *elements;      /* of one piece */
     dgfem_real *volume; /* [new pieces] */
 } dgfem_mvci_job;
 
@@ -6299,7 +6301,7 @@ static dgfem_status dgfem_mvci_job_blade(dgfem_mvci_job *job, int open) {
     const dgfem_mvci_mesh *mesh = job->mesh ? job->mesh : job->body->mesh;
     dgfem_mvci_mesh *next;
     dgfem_status status =
-        dgfem_mvci_mesh_cut(mesh, &job->blade, job->desc->current, job->desc->snap, open, &job->info, &next);
+        dgfem_mvci_mesh_cut(mesh, &job->blade, job->desc->current, job->snap, open, &job->info, &next);
     if (!next) return status;
     dgfem_mvci_mesh_destroy(job->mesh);
     job->mesh = next;
@@ -6349,6 +6351,7 @@ static dgfem_mvci_job dgfem_mvci_job_make(dgfem_mvc *body, const dgfem_mvc_cut_d
     dgfem_mvci_job job;
     memset(&job, 0, sizeof job);
     job.body = body, job.desc = desc;
+    job.snap = desc->snap;
     job.scratch = dgfem_mvci_scratch_make(&body->hooks);
     return job;
 }
@@ -6503,8 +6506,7 @@ DGFEM_API dgfem_status dgfem_mvc_cut_polygon(dgfem_mvc *body, dgfem_points_in po
     if (status) return status;
     if (polygon.count < 3)
         return dgfem_mvci_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "cut: a polygon of %d points", polygon.count);
-    dgfem_vec3 *points =
-        (dgfem_vec3 *)dgfem_mvci_allocate(&body->hooks, (size_t)polygon.count, sizeof(dgfem_vec3));
+    dgfem_vec3 *points = (dgfem_vec3 *)dgfem_mvci_allocate(&body->hooks, (size_t)polygon.count, sizeof(dgfem_vec3));
     if (!points) return dgfem_mvci_fail_memory(&body->hooks);
     for (int i = 0; i < polygon.count; i++) points[i] = dgfem_mvci_read_point(&polygon, i);
     dgfem_mvci_job job = dgfem_mvci_job_make(body, desc);
@@ -6533,6 +6535,7 @@ DGFEM_API dgfem_status dgfem_mvc_cut_surface(dgfem_mvc *body, dgfem_points_in ve
             return dgfem_mvci_fail(&body->hooks, DGFEM_ERROR_INDEX, "cut: triangle %d has the vertex %d", i / 3,
                                    triangles[i]);
     dgfem_mvci_job job = dgfem_mvci_job_make(body, desc);
+    job.snap = 0; /* else cuts along neighbouring triangles would miss each other */
     for (int t = 0; !status && t < triangle_count; t++) {
         dgfem_vec3 corner[3];
         for (int i = 0; i < 3; i++) corner[i] = dgfem_mvci_read_point(&vertices, triangles[3 * t + i]);

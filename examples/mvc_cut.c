@@ -1,6 +1,6 @@
 /* A soft cube is subdivided by 30 random planes, each splitting one element through its middle, into 31 polyhedra, and
-   falls on the ground (Wicke, Botsch, Gross 2007, figure 2). Prints one number a line; --ply FILE writes the picture: the
-   elements drawn apart, the cube falling, at its flattest, and at the end. */
+   falls on the ground (Wicke, Botsch, Gross 2007, figure 2). Prints one number a line; --ply FILE writes the picture:
+   the elements drawn apart, the cube falling, at its flattest, and at the end. */
 #define DGFEM_IMPLEMENTATION
 #include "dgfem_mvc.h"
 
@@ -15,9 +15,10 @@ typedef struct drop {
 } drop;
 
 static drop read_options(int argc, char **argv) {
-    program p = program_begin(argc, argv,
-                              "mvc_cut [--size 0.3] [--young 30000] [--planes 30] [--seed 1] [--height 0.25] [--dt 0.004]\n"
-                              "  [--steps 250] [--ply FILE]");
+    program p =
+        program_begin(argc, argv,
+                      "mvc_cut [--size 0.3] [--young 30000] [--planes 30] [--seed 1] [--height 0.25] [--dt 0.004]\n"
+                      "  [--steps 250] [--ply FILE]");
     drop o;
     o.size = program_real(&p, "--size", 0.3);
     o.young = program_real(&p, "--young", 30000);

@@ -1,7 +1,7 @@
-/* A soft block of 3 x 3 x 3 elements, held on one side, is sliced from the other by blades that come one after the other
-   on curved paths; the slices bend under their weight (Wicke, Botsch, Gross 2007, figure 9). Each blade cuts the surface
-   that it sweeps in the current, moving block. Prints one number a line; --ply FILE writes the picture: the block
-   before, half cut and at the end, walls of cuts in their own colour. */
+/* A soft block of 3 x 3 x 3 elements, held on one side, is sliced from the other by blades that come one after the
+   other on curved paths; the slices bend under their weight (Wicke, Botsch, Gross 2007, figure 9). Each blade cuts the
+   surface that it sweeps in the current, moving block. Prints one number a line; --ply FILE writes the picture: the
+   block before, half cut and at the end, walls of cuts in their own colour. */
 #define DGFEM_IMPLEMENTATION
 #include "dgfem_mvc.h"
 

@@ -27,6 +27,9 @@
        DGFEM_STATIC           all functions are static: the library is private to the one file that implements it
        DGFEM_API              what stands before each public function; default extern (extern "C" in C++), or static
        DGFEM_ASSERT(x)        checks of internal invariants; default assert(x), so NDEBUG takes them away
+       DGFEM_NO_SIMD          plain C only; else gcc and clang compile dense kernels for several instruction sets, and the
+                              best one that the machine has is chosen at run time
+       DGFEM_USE_BLAS         large fronts of the Cholesky factorization go to cblas_dgemm (or sgemm); link with a BLAS
 
    No function prints, aborts or exits. Memory, log, threads and clock come in through dgfem_hooks, a member of each
    descriptor; all zero means libc's allocator, silence, one thread, no clock.

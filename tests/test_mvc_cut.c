@@ -252,8 +252,9 @@ static void test_slabs_and_needles(void **state) {
         desc.snap = 0;
         for (int axis = 0; axis <= kind; axis++)
             for (int k = 0; k < 2; k++)
-                check_status(dgfem_mvc_split_plane(body, plane_at(axis == 1, 0, axis == 0, 0.5 + 0.01 * k), &desc, NULL),
-                             DGFEM_OK);
+                check_status(
+                    dgfem_mvc_split_plane(body, plane_at(axis == 1, 0, axis == 0, 0.5 + 0.01 * k), &desc, NULL),
+                    DGFEM_OK);
         assert_int_equal(body->element_count, kind ? 9 : 3);
         check_status(dgfem_mvc_remove_slivers(body, DGFEM_R(0.02), &info), DGFEM_OK);
         print_message("%d of %d left\n", info.slivers_left, info.slivers_removed + info.slivers_left);
@@ -446,6 +447,46 @@ static void test_surface(void **state) {
     dgfem_mvc_destroy(body);
 }
 
+/* A curved sheet of many triangles, in one call or in progressive ones, cuts off all that is above. */
+static void test_curved_surface(void **state) {
+    (void)state;
+    for (int kind = 0; kind < 4; kind++) {
+        int stages = kind & 1 ? 10 : 5, triangles[6 * 10], count = 0, pieces;
+        double bow = kind & 2 ? 0.2 : 0.03, expected = 0, last = 0;
+        dgfem_mvc_cut_desc desc = plain_cut();
+        dgfem_mvc_cut_info info;
+        dgfem_vec3 p[22];
+        dgfem_piece piece[2];
+        dgfem_mvc *body = box_of(3, 3, 3);
+        for (int s = 0; s <= stages; s++) {
+            double x = 1.25 - 1.5 * s / stages, z = 0.4 + bow * sin(pi * s / stages), low, high;
+            for (int k = 0; k < 2; k++) p[2 * s + k] = vec3(x, k ? 1.3 : -0.3, z);
+            if (s) { /* volume below the sheet: what of this facet is over the box */
+                double from = fmin(x + 1.5 / stages, 1), to = fmax(x, 0), slope = (z - last) / (-1.5 / stages);
+                low = z + slope * (to - x), high = z + slope * (from - x);
+                if (from > to) expected += (from - to) * (low + high) / 2;
+            }
+            last = z;
+        }
+        for (int s = 0; s < stages; s++) {
+            static const int pattern[6] = {0, 1, 2, 1, 3, 2};
+            for (int i = 0; i < 6; i++) triangles[count++] = 2 * s + pattern[i];
+        }
+        check_status(dgfem_mvc_cut_surface(body, points_of(p, 2 * stages + 2), triangles, stages, &desc, &info),
+                     DGFEM_OK);
+        assert_int_equal(info.pieces, 1);
+        check_status(
+            dgfem_mvc_cut_surface(body, points_of(p, 2 * stages + 2), triangles + 3 * stages, stages, &desc, &info),
+            DGFEM_OK);
+        check_status(dgfem_mvc_check(body), DGFEM_OK);
+        check_status(dgfem_mvc_pieces(body, NULL, piece, 2, &pieces), DGFEM_OK);
+        assert_int_equal(pieces, 2);
+        int lower = piece[1].centre.z < piece[0].centre.z;
+        check_near(piece[lower].volume, expected, 1000 * CHECK_EPSILON);
+        dgfem_mvc_destroy(body);
+    }
+}
+
 /* ---- patch test ---- */
 
 /* A box split by two random planes and cut by a random triangle. */
@@ -477,8 +518,8 @@ static double patch_error(check_random *random, dgfem_mvc *body) {
     free(nodes);
     for (int i = 0; i < body->node_count; i++) {
         dgfem_vec3 x = body->rest[i], u = mvc_affine_at(&field, x);
-        double off = check_distance(body->position[i],
-                                    vec3((double)(x.x + u.x), (double)(x.y + u.y), (double)(x.z + u.z)));
+        double off =
+            check_distance(body->position[i], vec3((double)(x.x + u.x), (double)(x.y + u.y), (double)(x.z + u.z)));
         if (!(off <= error)) error = off;
     }
     return error;
@@ -520,8 +561,9 @@ static dgfem_vec3 blade_point(check_random *random, const dgfem_mvc *body, int d
         dgfem_vec3 b = body->rest[check_random_int(random, body->node_count)];
         return added(vec3((double)a.x / 2, (double)a.y / 2, (double)a.z / 2), 0.5, b);
     }
-    return added(a, 1, vec3(check_random_real(random, -1e-6, 1e-6), check_random_real(random, -1e-9, 1e-9),
-                            check_random_real(random, -1e-3, 1e-3)));
+    return added(a, 1,
+                 vec3(check_random_real(random, -1e-6, 1e-6), check_random_real(random, -1e-9, 1e-9),
+                      check_random_real(random, -1e-3, 1e-3)));
 }
 
 /* A regular polygon or a star about a point, through two others. Returns the number of corners. */
@@ -737,6 +779,7 @@ int main(void) {
         cmocka_unit_test(test_nothing_to_cut),
         cmocka_unit_test(test_polygon_that_is_not_convex),
         cmocka_unit_test(test_surface),
+        cmocka_unit_test(test_curved_surface),
         cmocka_unit_test(test_patch_of_cut_meshes),
         cmocka_unit_test(test_random_cuts),
         cmocka_unit_test(test_every_failing_allocation),

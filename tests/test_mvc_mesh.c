@@ -43,7 +43,8 @@ static int triangulated(const double *points, int count, int first, dgfem_mvci_p
 
 static double area_of(const dgfem_mvci_polygon *polygon, int first, int t) {
     const int *n = polygon->triangles + 3 * t;
-    return dgfem_mvci_turn(polygon->point[n[0] - first], polygon->point[n[1] - first], polygon->point[n[2] - first]) / 2;
+    return dgfem_mvci_turn(polygon->point[n[0] - first], polygon->point[n[1] - first], polygon->point[n[2] - first]) /
+           2;
 }
 
 /* Triangles cover the polygon, none is flat, each edge inside is used from both sides. */
@@ -95,7 +96,8 @@ static void test_best_ears_come_first(void **state) {
     assert_int_equal(triangulated(kite, 4, 0, &polygon), 2);
     for (int t = 0; t < 2; t++) {
         int has_1 = 0, has_3 = 0;
-        for (int i = 0; i < 3; i++) has_1 |= polygon.triangles[3 * t + i] == 1, has_3 |= polygon.triangles[3 * t + i] == 3;
+        for (int i = 0; i < 3; i++)
+            has_1 |= polygon.triangles[3 * t + i] == 1, has_3 |= polygon.triangles[3 * t + i] == 3;
         assert_true(has_1 && has_3);
     }
     dgfem_mvci_polygon_free(&hooks, &polygon);
@@ -155,8 +157,8 @@ static void test_quality(void **state) {
     (void)state;
     dgfem_hooks hooks = quiet();
     const double size[4][3] = {{1, 1, 1}, {1, 1, 0.01}, {1, 0.01, 0.01}, {2, 2, 2}};
-    const double quality[4] = {1 / (2 * sqrt(3.0)), 3 * 0.01 / (2.04 * sqrt(2.0001)), 3 * 1e-4 / (0.0402 * sqrt(1.0002)),
-                               1 / (2 * sqrt(3.0))};
+    const double quality[4] = {1 / (2 * sqrt(3.0)), 3 * 0.01 / (2.04 * sqrt(2.0001)),
+                               3 * 1e-4 / (0.0402 * sqrt(1.0002)), 1 / (2 * sqrt(3.0))};
     for (int k = 0; k < 4; k++) {
         dgfem_mvci_mesh *mesh = complex_of(mvc_grid(1, 1, 1, size[k][0], size[k][1], size[k][2]), &hooks);
         check_near((double)dgfem_mvci_element_quality(mesh, 0) / quality[k], 1, 100 * CHECK_EPSILON);
@@ -203,7 +205,8 @@ static void test_meshes_of_all_kinds(void **state) {
         check_near(dgfem_mvci_mesh_volume(mesh), 1, 1000 * CHECK_EPSILON);
         int room = dgfem_mvci_max_element_corners(mesh);
         int *mark = (int *)malloc((size_t)mesh->node_count * sizeof(int));
-        int *nodes = (int *)malloc((size_t)room * sizeof(int)), *triangles = (int *)malloc(3 * (size_t)room * sizeof(int));
+        int *nodes = (int *)malloc((size_t)room * sizeof(int)),
+            *triangles = (int *)malloc(3 * (size_t)room * sizeof(int));
         for (int i = 0; i < mesh->node_count; i++) mark[i] = DGFEM_NONE;
         for (int e = 0; e < mesh->element_count; e++) {
             int count = dgfem_mvci_element_nodes(mesh, e, mark, nodes);
@@ -225,8 +228,8 @@ static void test_holes_are_refused(void **state) {
     dgfem_mesh *source = NULL;
     dgfem_mvci_mesh *mesh = NULL;
     dgfem_vec3 x[16];
-    static const int loops[] = {0, 2, 3, 1, 8, 9, 11, 10, 4, 5, 7, 6, 12, 14, 15, 13, 0, 1, 5, 4, 1, 3, 7, 5,
-                                3, 2, 6, 7, 2, 0, 4, 6, 8, 12, 13, 9, 9, 13, 15, 11, 11, 15, 14, 10, 10, 14, 12, 8};
+    static const int loops[] = {0, 2, 3, 1, 8, 9, 11, 10, 4, 5,  7,  6, 12, 14, 15, 13, 0,  1,  5,  4,  1,  3,  7,  5,
+                                3, 2, 6, 7, 2, 0, 4,  6,  8, 12, 13, 9, 9,  13, 15, 11, 11, 15, 14, 10, 10, 14, 12, 8};
     static const int starts[] = {0, 4, 8, 12, 16, 20, 24, 28, 32, 36, 40, 44, 48};
     static const int face_loops[] = {0, 2, 4, 5, 6, 7, 8, 9, 10, 11, 12};
     for (int i = 0; i < 16; i++) {
@@ -267,7 +270,8 @@ static void test_elements_must_be_star_shaped(void **state) {
         loops[count++] = i, loops[count++] = j, loops[count++] = 8 + j, loops[count++] = 8 + i;
     }
     starts[10] = count;
-    desc.vertices = x, desc.vertex_count = 16, desc.face_count = 10, desc.loop_start = starts, desc.loop_vertices = loops;
+    desc.vertices = x, desc.vertex_count = 16, desc.face_count = 10, desc.loop_start = starts,
+    desc.loop_vertices = loops;
     check_status(dgfem_polyhedron_create(&desc, &cell), DGFEM_OK);
     check_status(dgfem_mesh_create_polyhedra((const dgfem_polyhedron *const *)&cell, 1, &weld, &source), DGFEM_OK);
     check_status(dgfem_mvci_mesh_create(source, &hooks, &mesh), DGFEM_ERROR_DEGENERATE);
@@ -356,7 +360,8 @@ static void test_history(void **state) {
     dgfem_mvci_mesh *mesh = box_of(1, 1, 1);
     char mark[16];
     dgfem_mvci_mesh_begin(mesh);
-    int a = dgfem_mvci_add_node_between(mesh, 0, 1, DGFEM_R(0.25)), b = dgfem_mvci_add_node_between(mesh, a, 7, DGFEM_R(0.5));
+    int a = dgfem_mvci_add_node_between(mesh, 0, 1, DGFEM_R(0.25)),
+        b = dgfem_mvci_add_node_between(mesh, a, 7, DGFEM_R(0.5));
     int c = dgfem_mvci_copy_node(mesh, a);
     memset(mark, 0, sizeof mark);
     mark[0] = mark[1] = 1;
@@ -364,16 +369,26 @@ static void test_history(void **state) {
     assert_int_equal(mark[mesh->origin[a]], 1);
     assert_int_equal(mark[mesh->origin[b]], 0);
     assert_int_equal(mark[mesh->origin[c]], 1);
-    check_near3(mesh->rest[c], vec3(0.75 * (double)mesh->rest[0].x + 0.25 * (double)mesh->rest[1].x,
-                                    0.75 * (double)mesh->rest[0].y + 0.25 * (double)mesh->rest[1].y,
-                                    0.75 * (double)mesh->rest[0].z + 0.25 * (double)mesh->rest[1].z), CHECK_EPSILON);
+    check_near3(mesh->rest[c],
+                vec3(0.75 * (double)mesh->rest[0].x + 0.25 * (double)mesh->rest[1].x,
+                     0.75 * (double)mesh->rest[0].y + 0.25 * (double)mesh->rest[1].y,
+                     0.75 * (double)mesh->rest[0].z + 0.25 * (double)mesh->rest[1].z),
+                CHECK_EPSILON);
     dgfem_mvci_mesh_destroy(mesh);
 }
 
 /* ---- the check ---- */
 
 typedef enum damage {
-    TURNED_FACE, LOST_FACE, FOREIGN_NODE, STALE_TRIANGLES, TURNED_TRIANGLE, MOVED_NODE, BENT_FACE, UNUSED_NODE, DAMAGES
+    TURNED_FACE,
+    LOST_FACE,
+    FOREIGN_NODE,
+    STALE_TRIANGLES,
+    TURNED_TRIANGLE,
+    MOVED_NODE,
+    BENT_FACE,
+    UNUSED_NODE,
+    DAMAGES
 } damage;
 
 static void do_damage(dgfem_mvci_mesh *mesh, damage kind) {

@@ -290,7 +290,7 @@ DGFEM_API dgfem_status dgfem_mvc_cut_polygon(dgfem_mvc *body, dgfem_points_in po
                                              dgfem_mvc_cut_info *info);
 
 /* Cuts along triangles (three vertex indices each), one after the other: a surface, or what a moving edge has swept.
-   Triangles without area cut nothing. */
+   Triangles without area cut nothing. Nodes are not snapped, whatever desc says, for the cuts must meet. */
 DGFEM_API dgfem_status dgfem_mvc_cut_surface(dgfem_mvc *body, dgfem_points_in vertices, const int *triangles,
                                              int triangle_count, const dgfem_mvc_cut_desc *desc,
                                              dgfem_mvc_cut_info *info);

@@ -9,8 +9,9 @@ static dgfem_status dgfem_mvci_check_source(const dgfem_mesh *source, const dgfe
     for (int f = 0; f < source->face_count; f++) {
         const dgfem_face *face = &source->faces[f];
         if (face->loop_count != 1)
-            return dgfem_mvci_fail(hooks, DGFEM_ERROR_ARGUMENT, "face %d of element %d has %d loops: holes must be cut open",
-                                   f, face->element[0], face->loop_count);
+            return dgfem_mvci_fail(hooks, DGFEM_ERROR_ARGUMENT,
+                                   "face %d of element %d has %d loops: holes must be cut open", f, face->element[0],
+                                   face->loop_count);
     }
     for (int i = 0; i < source->vertex_count; i++)
         if (!dgfem_mvci_is_finite3(source->vertices[i]))
@@ -70,7 +71,8 @@ static int dgfem_mvci_mesh_fill(dgfem_mvci_mesh *mesh, const dgfem_mesh *source,
 }
 
 /* Elements must be star-shaped about their centroid. */
-static dgfem_status dgfem_mvci_check_star(const dgfem_mvci_mesh *mesh, const dgfem_hooks *hooks, dgfem_status otherwise) {
+static dgfem_status dgfem_mvci_check_star(const dgfem_mvci_mesh *mesh, const dgfem_hooks *hooks,
+                                          dgfem_status otherwise) {
     for (int e = 0; e < mesh->element_count; e++) {
         dgfem_vec3 centre;
         int face = DGFEM_NONE;
@@ -100,7 +102,8 @@ static dgfem_status dgfem_mvci_mesh_create(const dgfem_mesh *source, const dgfem
     if (!status && !dgfem_mvci_mesh_compact(mesh)) status = DGFEM_ERROR_MEMORY;
     if (status == DGFEM_ERROR_MEMORY) (void)dgfem_mvci_fail_memory(hooks);
     if (status == DGFEM_ERROR_DEGENERATE)
-        (void)dgfem_mvci_fail(hooks, status, "face %d has no area, or corners too close to its other sides", bad.data[0]);
+        (void)dgfem_mvci_fail(hooks, status, "face %d has no area, or corners too close to its other sides",
+                              bad.data[0]);
     if (!status) status = dgfem_mvci_check_star(mesh, hooks, DGFEM_ERROR_DEGENERATE);
     dgfem_corners_destroy(corners);
     dgfem_mvci_free(hooks, bad.data);

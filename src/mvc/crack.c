@@ -14,21 +14,21 @@ typedef struct dgfem_mvci_points {
 
 /* A polygon without corners is the whole plane. */
 typedef struct dgfem_mvci_blade {
-    dgfem_plane plane;           /* unit normal */
-    dgfem_vec3 origin, u, v;     /* of the plane's coordinates */
-    int single, element;         /* single: only this element is split */
-    dgfem_mvci_points polygon;   /* counter-clockwise, without crossings */
+    dgfem_plane plane;         /* unit normal */
+    dgfem_vec3 origin, u, v;   /* of the plane's coordinates */
+    int single, element;       /* single: only this element is split */
+    dgfem_mvci_points polygon; /* counter-clockwise, without crossings */
     dgfem_mvci_points hull, clip, other;
 } dgfem_mvci_blade;
 
 typedef struct dgfem_mvci_cracks {
-    dgfem_mvci_ints faces;  /* that come apart */
-    dgfem_mvci_ints number; /* [nodes] position in `nodes`, or DGFEM_NONE */
-    dgfem_mvci_ints nodes;  /* of the faces */
+    dgfem_mvci_ints faces;                 /* that come apart */
+    dgfem_mvci_ints number;                /* [nodes] position in `nodes`, or DGFEM_NONE */
+    dgfem_mvci_ints nodes;                 /* of the faces */
     dgfem_mvci_ints pair_node, root, copy; /* of (node, element) */
-    dgfem_mvci_ints groups; /* [nodes of faces] groups of elements */
-    dgfem_mvci_ints region; /* [nodes of faces] connected by faces */
-    dgfem_mvci_ints cut;    /* [faces] 1: comes apart */
+    dgfem_mvci_ints groups;                /* [nodes of faces] groups of elements */
+    dgfem_mvci_ints region;                /* [nodes of faces] connected by faces */
+    dgfem_mvci_ints cut;                   /* [faces] 1: comes apart */
     dgfem_mvci_edges pairs, surface;
     dgfem_mvci_levels levels; /* of lines in the plane */
     int nodes_copied;
@@ -206,8 +206,8 @@ static int dgfem_mvci_select(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh
 
 /* ---- faces on the blade ---- */
 
-/* Which side of the blade the element of a face on the blade is on (1 above, -1 below). One that is on both, elsewhere, is
-   on the side that the face looks away from; 0 where the face does not lie along the blade. */
+/* Which side of the blade the element of a face on the blade is on (1 above, -1 below). One that is on both, elsewhere,
+   is on the side that the face looks away from; 0 where the face does not lie along the blade. */
 static int dgfem_mvci_element_side(const dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, int face, int side) {
     int face_count, above = 0, below = 0, count;
     const int *faces = dgfem_mvci_element_faces(mesh, mesh->faces[face].owner[side], &face_count);
@@ -297,8 +297,7 @@ static int dgfem_mvci_divide_along(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh
     for (int k = 0; k < before; k++) {
         int f = c->faces.data[k], count, keep = 0;
         const int *loop = dgfem_mvci_face_loop(mesh, f, &count);
-        for (int side = 0; side < 2; side++)
-            keep |= s->keep[dgfem_mvci_element_before(s, mesh->faces[f].owner[side])];
+        for (int side = 0; side < 2; side++) keep |= s->keep[dgfem_mvci_element_before(s, mesh->faces[f].owner[side])];
         if (keep || !(dgfem_mvci_segment_in_face(blade, dgfem_mvci_blade_space(s, mesh), loop, count, a, b) > 1e-6))
             continue;
         corners += count;
@@ -359,8 +358,7 @@ static void dgfem_mvci_keep_inside(const dgfem_mvci_splitter *s, const dgfem_mvc
         }
         if (area == 0) continue;
         for (int j = 0; j < 2; j++) centre[j] = start[j] + centre[j] / area;
-        if (dgfem_mvci_inside(&blade->polygon, centre) ||
-            dgfem_mvci_side_distance(&blade->polygon, centre) <= near)
+        if (dgfem_mvci_inside(&blade->polygon, centre) || dgfem_mvci_side_distance(&blade->polygon, centre) <= near)
             c->faces.data[kept++] = c->faces.data[k];
     }
     c->faces.count = kept;
@@ -395,8 +393,7 @@ static int dgfem_mvci_number_crack(const dgfem_hooks *hooks, const dgfem_mvci_me
         for (int i = 0; i < count; i++) {
             if (c->number.data[loop[i]] == DGFEM_NONE) {
                 c->number.data[loop[i]] = c->nodes.count;
-                if (!dgfem_mvci_push(hooks, &c->region, c->nodes.count) ||
-                    !dgfem_mvci_push(hooks, &c->nodes, loop[i]))
+                if (!dgfem_mvci_push(hooks, &c->region, c->nodes.count) || !dgfem_mvci_push(hooks, &c->nodes, loop[i]))
                     return 0;
             }
             if (i) dgfem_mvci_join(c->region.data, c->number.data[loop[0]], c->number.data[loop[i]]);
@@ -473,8 +470,8 @@ static int dgfem_mvci_open_mouths(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh,
 static void dgfem_mvci_face_centre(const dgfem_mvci_mesh *mesh, int face, int nodes[3], dgfem_real weights[3]) {
     int count, best = 0;
     const int *triangles = dgfem_mvci_face_triangles(mesh, face, &count);
-    dgfem_vec3 normal = dgfem_mvci_loop_area(mesh->rest, mesh->loops.data + mesh->faces[face].loop,
-                                             mesh->faces[face].count);
+    dgfem_vec3 normal =
+        dgfem_mvci_loop_area(mesh->rest, mesh->loops.data + mesh->faces[face].loop, mesh->faces[face].count);
     dgfem_vec3 centre = dgfem_mvci_vec3(0, 0, 0);
     dgfem_real total = 0, best_least = 0;
     for (int t = 0; t < count; t++) {
@@ -499,7 +496,7 @@ static void dgfem_mvci_face_centre(const dgfem_mvci_mesh *mesh, int face, int no
     for (int i = 0; i < 3; i++) nodes[i] = triangles[3 * best + i];
 }
 
-/* A node at the centroid of a face, which is divided into triangles around it, all of them cut. 0 when out of memory. */
+/* A node at the centroid of a face, which is divided into triangles around it, all cut. 0 when out of memory. */
 static int dgfem_mvci_fan(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh, dgfem_mvci_cracks *c, int face) {
     dgfem_mvci_face old = mesh->faces[face];
     int nodes[3], loop[3];
@@ -651,8 +648,7 @@ static dgfem_status dgfem_mvci_cut_attempt(dgfem_mvci_splitter *s, dgfem_mvci_me
                                          blade->polygon.at[(i + 1) % blade->polygon.count]))
                 return DGFEM_ERROR_MEMORY;
         status = dgfem_mvci_settle_attempt(s, mesh);
-        for (int k = 0; !status && k < c->faces.count; k++)
-            status = dgfem_mvci_check_owners(s, mesh, c->faces.data[k]);
+        for (int k = 0; !status && k < c->faces.count; k++) status = dgfem_mvci_check_owners(s, mesh, c->faces.data[k]);
         if (!status && s->failed.count) status = DGFEM_ERROR_DEGENERATE;
         if (status) return status;
         dgfem_mvci_keep_inside(s, mesh, blade, c);

@@ -24,11 +24,10 @@ static int dgfem_mvci_blade_set(const dgfem_hooks *hooks, dgfem_mvci_blade *blad
         middle = dgfem_mvci_axpy(middle, 1 / (dgfem_real)count, points[i]);
         longest = dgfem_mvci_max(longest, dgfem_mvci_distance(points[0], points[i]));
         if (i < 2) continue;
-        area = dgfem_mvci_add(area, dgfem_mvci_cross(dgfem_mvci_sub(points[i - 1], points[0]),
-                                                     dgfem_mvci_sub(points[i], points[0])));
+        area = dgfem_mvci_add(
+            area, dgfem_mvci_cross(dgfem_mvci_sub(points[i - 1], points[0]), dgfem_mvci_sub(points[i], points[0])));
     }
-    if (!(dgfem_mvci_norm(area) > (DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-9)) * longest * longest))
-        return -1;
+    if (!(dgfem_mvci_norm(area) > (DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-9)) * longest * longest)) return -1;
     dgfem_mvci_blade_axes(blade, dgfem_mvci_unit(area), middle);
     blade->polygon.count = 0;
     for (int i = 0; i < count; i++) {
@@ -188,14 +187,15 @@ DGFEM_API int dgfem_mvc_face_is_wall(const dgfem_mvc *body, int face) {
 typedef struct dgfem_mvci_job {
     dgfem_mvc *body;
     const dgfem_mvc_cut_desc *desc;
+    dgfem_real snap;
     dgfem_mvci_mesh *mesh; /* NULL: that of the body still */
     dgfem_mvci_blade blade;
     dgfem_mvc_cut_info info;
     dgfem_mvci_scratch scratch;
-    int *old_piece; /* [new elements] piece before */
-    int *piece;     /* [new elements] */
-    int *largest;   /* [pieces before] largest of the pieces that it has become */
-    int *elements;  /* of one piece */
+    int *old_piece;     /* [new elements] piece before */
+    int *piece;         /* [new elements] */
+    int *largest;       /* [pieces before] largest of the pieces that it has become */
+    int *elements;      /* of one piece */
     dgfem_real *volume; /* [new pieces] */
 } dgfem_mvci_job;
 
@@ -203,7 +203,7 @@ static dgfem_status dgfem_mvci_job_blade(dgfem_mvci_job *job, int open) {
     const dgfem_mvci_mesh *mesh = job->mesh ? job->mesh : job->body->mesh;
     dgfem_mvci_mesh *next;
     dgfem_status status =
-        dgfem_mvci_mesh_cut(mesh, &job->blade, job->desc->current, job->desc->snap, open, &job->info, &next);
+        dgfem_mvci_mesh_cut(mesh, &job->blade, job->desc->current, job->snap, open, &job->info, &next);
     if (!next) return status;
     dgfem_mvci_mesh_destroy(job->mesh);
     job->mesh = next;
@@ -253,6 +253,7 @@ static dgfem_mvci_job dgfem_mvci_job_make(dgfem_mvc *body, const dgfem_mvc_cut_d
     dgfem_mvci_job job;
     memset(&job, 0, sizeof job);
     job.body = body, job.desc = desc;
+    job.snap = desc->snap;
     job.scratch = dgfem_mvci_scratch_make(&body->hooks);
     return job;
 }
@@ -407,8 +408,7 @@ DGFEM_API dgfem_status dgfem_mvc_cut_polygon(dgfem_mvc *body, dgfem_points_in po
     if (status) return status;
     if (polygon.count < 3)
         return dgfem_mvci_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "cut: a polygon of %d points", polygon.count);
-    dgfem_vec3 *points =
-        (dgfem_vec3 *)dgfem_mvci_allocate(&body->hooks, (size_t)polygon.count, sizeof(dgfem_vec3));
+    dgfem_vec3 *points = (dgfem_vec3 *)dgfem_mvci_allocate(&body->hooks, (size_t)polygon.count, sizeof(dgfem_vec3));
     if (!points) return dgfem_mvci_fail_memory(&body->hooks);
     for (int i = 0; i < polygon.count; i++) points[i] = dgfem_mvci_read_point(&polygon, i);
     dgfem_mvci_job job = dgfem_mvci_job_make(body, desc);
@@ -437,6 +437,7 @@ DGFEM_API dgfem_status dgfem_mvc_cut_surface(dgfem_mvc *body, dgfem_points_in ve
             return dgfem_mvci_fail(&body->hooks, DGFEM_ERROR_INDEX, "cut: triangle %d has the vertex %d", i / 3,
                                    triangles[i]);
     dgfem_mvci_job job = dgfem_mvci_job_make(body, desc);
+    job.snap = 0; /* else cuts along neighbouring triangles would miss each other */
     for (int t = 0; !status && t < triangle_count; t++) {
         dgfem_vec3 corner[3];
         for (int i = 0; i < 3; i++) corner[i] = dgfem_mvci_read_point(&vertices, triangles[3 * t + i]);

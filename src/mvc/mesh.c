@@ -166,8 +166,8 @@ static dgfem_real dgfem_mvci_element_star(const dgfem_mvci_mesh *mesh, int eleme
 static dgfem_vec3 dgfem_mvci_loop_area(const dgfem_vec3 *x, const int *loop, int count) {
     dgfem_vec3 sum = dgfem_mvci_vec3(0, 0, 0);
     for (int i = 2; i < count; i++)
-        sum = dgfem_mvci_add(sum, dgfem_mvci_cross(dgfem_mvci_sub(x[loop[i - 1]], x[loop[0]]),
-                                                   dgfem_mvci_sub(x[loop[i]], x[loop[0]])));
+        sum = dgfem_mvci_add(
+            sum, dgfem_mvci_cross(dgfem_mvci_sub(x[loop[i - 1]], x[loop[0]]), dgfem_mvci_sub(x[loop[i]], x[loop[0]])));
     return sum;
 }
 
@@ -295,12 +295,12 @@ static dgfem_mvci_mesh *dgfem_mvci_mesh_copy(const dgfem_mvci_mesh *mesh) {
     copy->position = (dgfem_vec3 *)dgfem_mvci_duplicate(hooks, mesh->position, nodes, sizeof(dgfem_vec3));
     copy->velocity = (dgfem_vec3 *)dgfem_mvci_duplicate(hooks, mesh->velocity, nodes, sizeof(dgfem_vec3));
     copy->origin = (int *)dgfem_mvci_duplicate(hooks, mesh->origin, nodes, sizeof(int));
-    copy->faces = (dgfem_mvci_face *)dgfem_mvci_duplicate(hooks, mesh->faces, (size_t)mesh->face_count,
-                                                          sizeof *mesh->faces);
+    copy->faces =
+        (dgfem_mvci_face *)dgfem_mvci_duplicate(hooks, mesh->faces, (size_t)mesh->face_count, sizeof *mesh->faces);
     copy->elements = (dgfem_mvci_element *)dgfem_mvci_duplicate(hooks, mesh->elements, (size_t)mesh->element_count,
                                                                 sizeof *mesh->elements);
-    copy->births = (dgfem_mvci_birth *)dgfem_mvci_duplicate(hooks, mesh->births, (size_t)mesh->birth_count,
-                                                            sizeof *mesh->births);
+    copy->births =
+        (dgfem_mvci_birth *)dgfem_mvci_duplicate(hooks, mesh->births, (size_t)mesh->birth_count, sizeof *mesh->births);
     if (copy->rest && copy->position && copy->velocity && copy->origin && copy->faces && copy->elements &&
         copy->births && dgfem_mvci_ints_copy(hooks, &mesh->loops, &copy->loops) &&
         dgfem_mvci_ints_copy(hooks, &mesh->triangles, &copy->triangles) &&
@@ -398,8 +398,7 @@ static int dgfem_mvci_add_node(dgfem_mvci_mesh *mesh, const int *parents, const 
     void *births = mesh->births;
     DGFEM_ASSERT(count <= 4);
     if (!dgfem_mvci_mesh_node_room(mesh, 1)) return DGFEM_NONE;
-    int ok = dgfem_mvci_room(&mesh->hooks, &births, mesh->birth_count, &mesh->birth_capacity, 1,
-                             sizeof *mesh->births);
+    int ok = dgfem_mvci_room(&mesh->hooks, &births, mesh->birth_count, &mesh->birth_capacity, 1, sizeof *mesh->births);
     mesh->births = (dgfem_mvci_birth *)births;
     if (!ok) return DGFEM_NONE;
     int node = mesh->node_count++;

@@ -5,13 +5,15 @@
    A flat element is pressed into a plane: nodes that meet there become one, its edges are cut where they cross, and the
    cells of the plane become the faces between what was above it and what was below:
 
-        above    above                above               A needle's short edges vanish, and with them the needle;
-       /-------------\                                    flat neighbours that come of this follow.
+        above    above                above
+       /-------------\
       <  flat element >   ->    ------x-------x-----
-       \-----x-------/                                    Nodes of the body's boundary move within the boundary only.
-         below  below             below   below           Each removal is tried on a copy: where the elements around are
-                                                          not good afterwards, or a volume has passed the boundary, it is
-   dropped. */
+       \-----x-------/
+         below  below             below   below
+
+   A needle's short edges vanish, and with them the needle; flat neighbours that come of this follow. Nodes of the body's
+   boundary move within the boundary only. Each removal is tried on a copy, and dropped where the elements around are not
+   good afterwards, or where volume has passed the boundary. */
 
 typedef struct dgfem_mvci_sliver {
     const dgfem_hooks *hooks;
@@ -123,8 +125,7 @@ static int dgfem_mvci_node_bounds(const dgfem_mvci_sliver *s, int node, dgfem_ve
         for (int i = 0; i < face->count && !found; i++) found = loop[i] == node;
         if (!found) continue;
         dgfem_vec3 normal = dgfem_mvci_unit(dgfem_mvci_loop_area(mesh->rest, loop, face->count));
-        for (int i = 0; i < rank; i++)
-            normal = dgfem_mvci_axpy(normal, -dgfem_mvci_dot(normal, bounds[i]), bounds[i]);
+        for (int i = 0; i < rank; i++) normal = dgfem_mvci_axpy(normal, -dgfem_mvci_dot(normal, bounds[i]), bounds[i]);
         if (dgfem_mvci_norm(normal) > (DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-3) : DGFEM_R(1e-7)))
             bounds[rank++] = dgfem_mvci_unit(normal);
     }
@@ -443,7 +444,7 @@ static int dgfem_mvci_arrange(dgfem_mvci_sliver *s, int element) {
 
 /* ---- cells ---- */
 
-/* The edge that follows the one from a to b around the cell on its left: at b, the next one clockwise from back to a. */
+/* Where the edge that follows the one from a to b around the cell on its left ends: the next clockwise from a, at b. */
 static int dgfem_mvci_next_around(const dgfem_mvci_sliver *s, int a, int b) {
     double p[2], q[2], best_angle = 0;
     int best = DGFEM_NONE;
@@ -477,13 +478,15 @@ static int dgfem_mvci_cell_point(dgfem_mvci_sliver *s, double out[2]) {
     int count = dgfem_mvci_polygon_triangulate(&s->polygon);
     const int *t = s->polygon.triangles;
     for (int i = 0; i < count; i++) {
-        double area = dgfem_mvci_turn(s->polygon.point[t[3 * i]], s->polygon.point[t[3 * i + 1]],
-                                      s->polygon.point[t[3 * i + 2]]);
+        double area =
+            dgfem_mvci_turn(s->polygon.point[t[3 * i]], s->polygon.point[t[3 * i + 1]], s->polygon.point[t[3 * i + 2]]);
         if (area > largest) largest = area, best = i;
     }
     for (int j = 0; j < 2; j++)
         out[j] = count ? (s->polygon.point[t[3 * best]][j] + s->polygon.point[t[3 * best + 1]][j] +
-                          s->polygon.point[t[3 * best + 2]][j]) / 3 : 0;
+                          s->polygon.point[t[3 * best + 2]][j]) /
+                             3
+                       : 0;
     return count ? DGFEM_MVCI_DONE : DGFEM_MVCI_REFUSED;
 }
 
@@ -531,8 +534,7 @@ static int dgfem_mvci_close_cell(dgfem_mvci_sliver *s, int element) {
     }
     /* kept aside: the element's own faces are removed when all cells are known */
     int face = dgfem_mvci_add_face(s->mesh, below, above, s->cell.data, s->cell.count, from, wall);
-    if (face == DGFEM_NONE || !dgfem_mvci_push(s->hooks, &s->list, face) ||
-        !dgfem_mvci_push(s->hooks, &s->near, face))
+    if (face == DGFEM_NONE || !dgfem_mvci_push(s->hooks, &s->list, face) || !dgfem_mvci_push(s->hooks, &s->near, face))
         return DGFEM_MVCI_NO_MEMORY;
     return DGFEM_MVCI_DONE;
 }

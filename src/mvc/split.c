@@ -21,8 +21,8 @@ typedef struct dgfem_mvci_levels {
 /* One attempt, and what earlier ones have learned. */
 typedef struct dgfem_mvci_splitter {
     const dgfem_hooks *hooks;
-    dgfem_plane plane;     /* unit normal */
-    int current;           /* 1: the plane is meant in the current positions; 0: at rest */
+    dgfem_plane plane; /* unit normal */
+    int current;       /* 1: the plane is meant in the current positions; 0: at rest */
     dgfem_real snap;
     dgfem_real *tolerance; /* [nodes before] part of a crossed edge within which the node counts as on the plane */
     char *keep;            /* [elements before] stays whole */
@@ -338,8 +338,8 @@ static int dgfem_mvci_face_side(const dgfem_mvci_splitter *s, const dgfem_mvci_m
     return (entry & 1 ? -up : up) > 0 ? -1 : 1;
 }
 
-/* s->list: the element's faces, s->group: their sides, s->root: connected ones of a side, s->sides: position in the list
-   by directed edge. 0 when out of memory, -1 where edges do not match. */
+/* s->list: the element's faces, s->group: their sides, s->root: connected ones of a side, s->sides: position in the
+   list by directed edge. 0 when out of memory, -1 where edges do not match. */
 static int dgfem_mvci_group_faces(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, int element) {
     int face_count;
     const int *faces = dgfem_mvci_element_faces(mesh, element, &face_count);
@@ -547,7 +547,10 @@ static void dgfem_mvci_splitter_learn(dgfem_mvci_splitter *s, const dgfem_mvci_m
         for (int k = 0; k < face_count; k++) {
             int count;
             const int *loop = dgfem_mvci_face_loop(mesh, faces[k] / 2, &count);
-            dgfem_real limit = attempt == 0 ? s->snap / 5 : attempt == 1 ? s->snap / 50 : attempt == 2 ? s->snap / 1000 : 0;
+            dgfem_real limit = attempt == 0   ? s->snap / 5
+                               : attempt == 1 ? s->snap / 50
+                               : attempt == 2 ? s->snap / 1000
+                                              : 0;
             for (int j = 0; j < count; j++)
                 if (s->tolerance[loop[j]] > limit) s->tolerance[loop[j]] = limit;
         }

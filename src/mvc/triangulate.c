@@ -2,8 +2,8 @@
 #include "mesh.c"
 /* Triangles of faces, stored once for both sides.
 
-   Ears are cut in the order of their smallest angles, the largest first, nodes of lower index first where they are equal:
-   so the result depends on the face alone. Hanging nodes make collinear corners. An ear is refused where it is flat,
+   Ears are cut in the order of their smallest angles, the largest first, nodes of lower index first where they are
+   equal: so the result depends on the face alone. Hanging nodes make collinear corners. An ear is refused where it is flat,
    where its diagonal meets another node (the trace would not conform there), and where it leaves only a line. */
 
 /* Triangles lower than this part of their longest side are flat; so is what is within round-off. */
@@ -171,8 +171,7 @@ static int dgfem_mvci_divide_face(dgfem_mvci_mesh *mesh, int face, const int *tr
             index = dgfem_mvci_add_face(mesh, old.owner[0], old.owner[1], triangles + 3 * t, 3, old.from, old.wall);
             if (index == DGFEM_NONE) return 0;
             for (int side = 0; side < 2; side++)
-                if (old.owner[side] != DGFEM_NONE &&
-                    !dgfem_mvci_add_element_face(mesh, old.owner[side], index, side))
+                if (old.owner[side] != DGFEM_NONE && !dgfem_mvci_add_element_face(mesh, old.owner[side], index, side))
                     return 0;
         } else if (!dgfem_mvci_set_loop(mesh, face, triangles, 3)) {
             return 0;
@@ -183,9 +182,9 @@ static int dgfem_mvci_divide_face(dgfem_mvci_mesh *mesh, int face, const int *tr
     return 1;
 }
 
-/* Triangulates one face; divides it where it is bent, or `divide`. DGFEM_ERROR_DEGENERATE where it has no area, or no
+/* Triangulates one face; divides it where it is bent. DGFEM_ERROR_DEGENERATE where it has no area, or no
    good triangles. */
-static dgfem_status dgfem_mvci_settle_face(dgfem_mvci_mesh *mesh, int face, int divide, dgfem_mvci_polygon *polygon) {
+static dgfem_status dgfem_mvci_settle_face(dgfem_mvci_mesh *mesh, int face, dgfem_mvci_polygon *polygon) {
     int count = mesh->faces[face].count;
     if (!dgfem_mvci_polygon_room(&mesh->hooks, polygon, count)) return DGFEM_ERROR_MEMORY;
     const int *loop = mesh->loops.data + mesh->faces[face].loop;
@@ -193,7 +192,7 @@ static dgfem_status dgfem_mvci_settle_face(dgfem_mvci_mesh *mesh, int face, int 
     double off = dgfem_mvci_polygon_project(mesh, loop, count, normal, polygon);
     int triangles = count < 3 ? 0 : dgfem_mvci_polygon_triangulate(polygon);
     if (!triangles) return DGFEM_ERROR_DEGENERATE;
-    if (triangles > 1 && (divide || off > DGFEM_MVC_PLANAR))
+    if (triangles > 1 && off > DGFEM_MVC_PLANAR)
         return dgfem_mvci_divide_face(mesh, face, polygon->triangles, triangles) ? DGFEM_OK : DGFEM_ERROR_MEMORY;
     int start = dgfem_mvci_append(&mesh->hooks, &mesh->triangles, polygon->triangles, 3 * triangles);
     if (start == DGFEM_NONE) return DGFEM_ERROR_MEMORY;
@@ -211,7 +210,7 @@ static dgfem_status dgfem_mvci_mesh_settle(dgfem_mvci_mesh *mesh, dgfem_mvci_int
     memset(&polygon, 0, sizeof polygon);
     for (int f = 0; f < faces && status != DGFEM_ERROR_MEMORY; f++) {
         if (mesh->faces[f].owner[0] == DGFEM_NONE || mesh->faces[f].triangle_count) continue;
-        status = dgfem_mvci_settle_face(mesh, f, 0, &polygon);
+        status = dgfem_mvci_settle_face(mesh, f, &polygon);
         if (status != DGFEM_ERROR_DEGENERATE) continue;
         degenerate = 1;
         if (bad && !dgfem_mvci_push(&mesh->hooks, bad, f)) status = DGFEM_ERROR_MEMORY;
