@@ -23744,6 +23744,22 @@ static int dgfemi_skin_flood_ball(dgfemi_skin_tearer *t, int first, dgfem_vec3 c
     return count;
 }
 
+static int dgfemi_skin_are_glued(const dgfem_mesh *mesh, int a, int b) {
+    const dgfem_element *e = &mesh->elements[a];
+    for (int k = e->face_start; a != b && k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        if (!face->cut && face->element[face->element[0] == a] == b) return 1;
+    }
+    return a == b;
+}
+
+/* Whether three elements hang together by themselves, as nearly all do. */
+static int dgfemi_skin_hang_together(const dgfem_mesh *mesh, int a, int b, int c) {
+    return dgfemi_skin_are_glued(mesh, a, b) + dgfemi_skin_are_glued(mesh, b, c) +
+               dgfemi_skin_are_glued(mesh, c, a) >=
+           2;
+}
+
 /* Floods from the corner whose surroundings hold most of the three. Returns the number of elements; *held: of corners. */
 static int dgfemi_skin_flood_majority(dgfemi_skin_tearer *t, const int *corner, int *held) {
     dgfem_vec3 centre;
@@ -23850,7 +23866,7 @@ static int dgfemi_skin_tear_triangles(dgfemi_arena *arena, dgfemi_skin_cutter *c
     for (int i = 0; ok && i < c->triangles.count; i += 3) {
         const int *corner = c->triangles.data + i;
         int a = places->element[corner[0]], b = places->element[corner[1]], d = places->element[corner[2]];
-        if ((a == b && b == d) || !(t.at_cut[a] || t.at_cut[b] || t.at_cut[d])) continue;
+        if (!(t.at_cut[a] || t.at_cut[b] || t.at_cut[d]) || dgfemi_skin_hang_together(mesh, a, b, d)) continue;
         ok = dgfemi_skin_find_tears(&t, i);
     }
     ok = ok && dgfemi_skin_copy_torn(&t, used) && (t.tear_count == 0 || dgfemi_skin_apply_tears(&t, arena, count));

@@ -1582,8 +1582,8 @@ static int dgfem_mvci_mesh_compact(dgfem_mvci_mesh *mesh) {
 /* Triangles of faces, stored once for both sides.
 
    Ears are cut in the order of their smallest angles, the largest first, nodes of lower index first where they are
-   equal: so the result depends on the face alone. Hanging nodes make collinear corners. An ear is refused where it is flat,
-   where its diagonal meets another node (the trace would not conform there), and where it leaves only a line. */
+   equal: so the result depends on the face alone. Hanging nodes make collinear corners. An ear is refused where it is
+   flat, where its diagonal meets another node (the trace would not conform there), and where it leaves only a line. */
 
 /* Triangles lower than this part of their longest side are flat; so is what is within round-off. */
 #if DGFEM_REAL_IS_FLOAT
@@ -4115,6 +4115,7 @@ typedef struct dgfem_mvci_splitter {
     dgfem_real snap;
     dgfem_real *tolerance; /* [nodes before] part of a crossed edge within which the node counts as on the plane */
     char *keep;            /* [elements before] stays whole */
+    char *weak;            /* [elements before] was not good before, either */
     int node_count, element_count; /* before the attempt */
     dgfem_mvci_levels levels;
     dgfem_mvci_ints parent;   /* element before the attempt that an element is part of */
@@ -4150,6 +4151,7 @@ static void dgfem_mvci_splitter_free(dgfem_mvci_splitter *s) {
     const dgfem_hooks *hooks = s->hooks;
     dgfem_mvci_free(hooks, s->tolerance);
     dgfem_mvci_free(hooks, s->keep);
+    dgfem_mvci_free(hooks, s->weak);
     dgfem_mvci_levels_free(hooks, &s->levels);
     dgfem_mvci_free(hooks, s->parent.data);
     dgfem_mvci_free(hooks, s->failed.data);
@@ -4175,8 +4177,9 @@ static int dgfem_mvci_splitter_make(dgfem_mvci_splitter *s, const dgfem_hooks *h
     s->element_count = mesh->element_count;
     s->tolerance = (dgfem_real *)dgfem_mvci_allocate(s->hooks, (size_t)mesh->node_count, sizeof(dgfem_real));
     s->keep = (char *)dgfem_mvci_allocate(s->hooks, (size_t)mesh->element_count, 1);
+    s->weak = (char *)dgfem_mvci_allocate(s->hooks, (size_t)mesh->element_count, 1);
     for (int i = 0; s->tolerance && i < mesh->node_count; i++) s->tolerance[i] = snap;
-    return s->tolerance && s->keep;
+    return s->tolerance && s->keep && s->weak;
 }
 
 static const dgfem_vec3 *dgfem_mvci_blade_space(const dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh) {
@@ -4388,6 +4391,7 @@ static int dgfem_mvci_split_face(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh, 
     while (levels->sign[loop[(down + n - 1) % n]] == 0) down--;
     int zeros = 0;
     while (levels->sign[loop[(up + zeros) % n]] == 0) zeros++;
+    if (!zeros || end == down) return face; /* a crossed edge without a node: nothing to divide by */
     int first = dgfem_mvci_nearest_level(levels, loop, n, up, zeros);
     int last = dgfem_mvci_nearest_level(levels, loop, n, down, end - down);
     s->buffer.count = 0;
@@ -4627,12 +4631,20 @@ static dgfem_status dgfem_mvci_split_selected(dgfem_mvci_splitter *s, dgfem_mvci
     return s->failed.count ? DGFEM_ERROR_DEGENERATE : DGFEM_OK;
 }
 
+/* Notes that an element has failed where it is not good, and not just as it was before. 0 when out of memory. */
+static int dgfem_mvci_guard_element(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, int element) {
+    int before = dgfem_mvci_element_before(s, element);
+    if (dgfem_mvci_element_is_good(mesh, element) || (s->keep[before] && s->weak[before])) return 1;
+    return dgfem_mvci_add_failed(s, element);
+}
+
 /* After a failed attempt: less snapping at the elements that failed, from the fifth attempt on they stay whole. */
 static void dgfem_mvci_splitter_learn(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, int attempt) {
     for (int i = 0; i < s->failed.count; i++) {
         int face_count, element = s->failed.data[i];
         const int *faces = dgfem_mvci_element_faces(mesh, element, &face_count);
         if (attempt >= 4) s->keep[element] = 1;
+        if (attempt >= 4) s->weak[element] = !dgfem_mvci_element_is_good(mesh, element);
         for (int k = 0; k < face_count; k++) {
             int count;
             const int *loop = dgfem_mvci_face_loop(mesh, faces[k] / 2, &count);
@@ -5273,7 +5285,7 @@ static int dgfem_mvci_part(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh, dgfem_
 static dgfem_status dgfem_mvci_check_owners(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, int face) {
     for (int side = 0; side < 2; side++) {
         int owner = mesh->faces[face].owner[side];
-        if (!dgfem_mvci_element_is_good(mesh, owner) && !dgfem_mvci_add_failed(s, owner)) return DGFEM_ERROR_MEMORY;
+        if (!dgfem_mvci_guard_element(s, mesh, owner)) return DGFEM_ERROR_MEMORY;
     }
     return DGFEM_OK;
 }
@@ -5312,8 +5324,7 @@ static dgfem_status dgfem_mvci_cut_attempt(dgfem_mvci_splitter *s, dgfem_mvci_me
         if (status) return status;
     }
     for (int e = 0; e < mesh->element_count; e++) /* neighbours have got nodes, too */
-        if (mesh->elements[e].changed && mesh->elements[e].face_count && !dgfem_mvci_element_is_good(mesh, e) &&
-            !dgfem_mvci_add_failed(s, e))
+        if (mesh->elements[e].changed && mesh->elements[e].face_count && !dgfem_mvci_guard_element(s, mesh, e))
             return DGFEM_ERROR_MEMORY;
     if (s->failed.count) return DGFEM_ERROR_DEGENERATE;
     if (c->faces.count && !dgfem_mvci_part(s, mesh, c)) return DGFEM_ERROR_MEMORY;
@@ -5333,9 +5344,9 @@ static dgfem_status dgfem_mvci_cut_attempt(dgfem_mvci_splitter *s, dgfem_mvci_me
        \-----x-------/
          below  below             below   below
 
-   A needle's short edges vanish, and with them the needle; flat neighbours that come of this follow. Nodes of the body's
-   boundary move within the boundary only. Each removal is tried on a copy, and dropped where the elements around are not
-   good afterwards, or where volume has passed the boundary. */
+   A needle's short edges vanish, and with them the needle; flat neighbours that come of this follow. Nodes of the
+   body's boundary move within the boundary only. Each removal is tried on a copy, and dropped where the elements around
+   are not good afterwards, or where volume has passed the boundary. */
 
 typedef struct dgfem_mvci_sliver {
     const dgfem_hooks *hooks;
@@ -6166,7 +6177,7 @@ static dgfem_status dgfem_mvci_try_cuts(dgfem_mvci_splitter *s, const dgfem_mvci
         if (!status && !dgfem_mvci_mesh_compact(copy)) status = DGFEM_ERROR_MEMORY;
         if (!status) *out = copy;
         else dgfem_mvci_mesh_destroy(copy);
-        if (status != DGFEM_ERROR_DEGENERATE) return status;
+        if (status != DGFEM_ERROR_DEGENERATE || attempt == 50) return status;
         for (int i = 0; i < s->failed.count; i++) dgfem_mvci_keep_around(s, mesh, s->failed.data[i]);
         dgfem_mvci_splitter_learn(s, mesh, attempt);
     }
@@ -6370,6 +6381,9 @@ static dgfem_status dgfem_mvci_job_end(dgfem_mvci_job *job, dgfem_status status,
     int changed = job->info.elements_split || job->info.nodes_added || job->info.faces_cut || job->info.slivers_removed;
     if (!status && job->mesh) status = dgfem_mvci_job_pieces(job);
     if (status == DGFEM_ERROR_MEMORY) (void)dgfem_mvci_fail_memory(&body->hooks);
+    if (status == DGFEM_ERROR_DEGENERATE)
+        (void)dgfem_mvci_fail(&body->hooks, status,
+                              "cut: no way to cut the elements here leaves all of them star-shaped");
     if (!status && job->mesh && changed) {
         status = dgfem_mvci_body_accept_mesh(body, job->mesh);
         if (!status) job->mesh = NULL;

@@ -1056,9 +1056,10 @@ static dgfem_status dgfem_shelli_check_desc(const dgfem_shell_desc *desc) {
         return dgfem_shelli_fail(hooks, DGFEM_ERROR_ARGUMENT, "no indices of %d quads", desc->quad_count);
     if (desc->triangle_count < 0 || (desc->triangle_count > 0 && !desc->triangles))
         return dgfem_shelli_fail(hooks, DGFEM_ERROR_ARGUMENT, "no indices of %d triangles", desc->triangle_count);
-    if (desc->quad_count > INT_MAX / 32 || desc->triangle_count > INT_MAX / 32)
-        return dgfem_shelli_fail(hooks, DGFEM_ERROR_ARGUMENT, "%d quads and %d triangles are too many",
-                                 desc->quad_count, desc->triangle_count);
+    /* Fewer are too many for the matrix; with these limits no count on the way there leaves an int. */
+    if (desc->quad_count > INT_MAX / 128 || desc->triangle_count > INT_MAX / 128 || desc->vertices.count > INT_MAX / 2)
+        return dgfem_shelli_fail(hooks, DGFEM_ERROR_ARGUMENT, "%d quads, %d triangles and %d vertices are too many",
+                                 desc->quad_count, desc->triangle_count, desc->vertices.count);
     if (desc->quad_count + desc->triangle_count == 0) return dgfem_shelli_fail(hooks, DGFEM_ERROR_EMPTY, "no elements");
     if ((desc->nodes_per_quad != 4 && desc->nodes_per_quad != 8) ||
         (desc->nodes_per_triangle != 3 && desc->nodes_per_triangle != 6))
@@ -2150,42 +2151,6 @@ static void dgfem_shelli_evaluate(const dgfem_shell *shell, const dgfem_shelli_g
 
 /* ---- internal force ---- */
 
-/* Strains of a point at the beginning of the step. */
-static dgfem_real *dgfem_shelli_strain_before(const dgfem_shell_system *system, const dgfem_shelli_point *point) {
-    return system->strain_before + DGFEM_SHELLI_MAX_ROWS * (size_t)(point - system->points);
-}
-
-/* Keeps the strains of the current positions, supports where they were before. */
-static void dgfem_shelli_keep_strains(const dgfem_shell *shell) {
-    dgfem_shell_system *system = shell->system;
-    dgfem_shelli_local local;
-    dgfem_shelli_kinematics k;
-    system->part = 0;
-    for (int g = 0; g < system->group_count; g++) {
-        const dgfem_shelli_group *group = &system->groups[g];
-        if (!dgfem_shelli_group_acts(shell, group)) continue;
-        dgfem_shelli_local_take(shell, group, shell->position, &local);
-        for (int q = 0; q < group->point_count; q++) {
-            const dgfem_shelli_point *point = &system->points[group->point_start + q];
-            dgfem_shelli_evaluate(shell, group, point, &local, 0, &k);
-            memcpy(dgfem_shelli_strain_before(system, point), k.strain, (size_t)k.rows * sizeof *k.strain);
-        }
-    }
-    system->part = 1;
-}
-
-/* Adds the damping C times `damping` = beta / h times what the strains have gained in the step of length h: nothing in
-   a rigid motion, however large, with its supports. */
-static void dgfem_shelli_add_damping(const dgfem_shell *shell, const dgfem_shelli_point *point, dgfem_real damping,
-                                     int count, dgfem_shelli_kinematics *k) {
-    const dgfem_real *before = dgfem_shelli_strain_before(shell->system, point);
-    dgfem_real gain[DGFEM_SHELLI_MAX_ROWS], stress[DGFEM_SHELLI_MAX_ROWS];
-    for (int i = 0; i < k->rows; i++) gain[i] = damping * (k->strain[i] - before[i]);
-    dgfem_shelli_apply_stiffness(point, k->rows, gain, stress);
-    for (int i = 0; i < k->rows; i++) stress[i] += k->stress[i];
-    dgfem_shelli_point_forces(shell->system->strains + point->strain_start, k->rows, stress, count, k->force);
-}
-
 /* Groups are evaluated in any order, each into memory of its own; sums are then taken in theirs. So results are the
    same bits for any number of threads. */
 typedef struct dgfem_shelli_pass {
@@ -2200,6 +2165,50 @@ static void dgfem_shelli_run(const dgfem_hooks *hooks, int count, dgfem_range_fn
     enum { GRAIN = 8 };
     if (hooks->parallel_for && count > GRAIN) hooks->parallel_for(hooks->parallel_for_user, count, GRAIN, fn, pass);
     else fn(pass, 0, count);
+}
+
+/* Strains of a point at the beginning of the step. */
+static dgfem_real *dgfem_shelli_strain_before(const dgfem_shell_system *system, const dgfem_shelli_point *point) {
+    return system->strain_before + DGFEM_SHELLI_MAX_ROWS * (size_t)(point - system->points);
+}
+
+static void dgfem_shelli_strain_range(void *context, int first, int last) {
+    const dgfem_shelli_pass *pass = (const dgfem_shelli_pass *)context;
+    const dgfem_shell_system *system = pass->shell->system;
+    dgfem_shelli_local local;
+    dgfem_shelli_kinematics k;
+    for (int g = first; g < last; g++) {
+        const dgfem_shelli_group *group = &system->groups[g];
+        if (!dgfem_shelli_group_acts(pass->shell, group)) continue;
+        dgfem_shelli_local_take(pass->shell, group, pass->x, &local);
+        for (int q = 0; q < group->point_count; q++) {
+            const dgfem_shelli_point *point = &system->points[group->point_start + q];
+            dgfem_shelli_evaluate(pass->shell, group, point, &local, 0, &k);
+            memcpy(dgfem_shelli_strain_before(system, point), k.strain, (size_t)k.rows * sizeof *k.strain);
+        }
+    }
+}
+
+/* Keeps the strains of the current positions, supports where they were before. */
+static void dgfem_shelli_keep_strains(const dgfem_shell *shell) {
+    dgfem_shelli_pass pass;
+    memset(&pass, 0, sizeof pass);
+    pass.shell = shell, pass.x = shell->position;
+    shell->system->part = 0;
+    dgfem_shelli_run(&shell->hooks, shell->system->group_count, dgfem_shelli_strain_range, &pass);
+    shell->system->part = 1;
+}
+
+/* Adds the damping C times `damping` = beta / h times what the strains have gained in the step of length h: nothing in
+   a rigid motion, however large, with its supports. */
+static void dgfem_shelli_add_damping(const dgfem_shell *shell, const dgfem_shelli_point *point, dgfem_real damping,
+                                     int count, dgfem_shelli_kinematics *k) {
+    const dgfem_real *before = dgfem_shelli_strain_before(shell->system, point);
+    dgfem_real gain[DGFEM_SHELLI_MAX_ROWS], stress[DGFEM_SHELLI_MAX_ROWS];
+    for (int i = 0; i < k->rows; i++) gain[i] = damping * (k->strain[i] - before[i]);
+    dgfem_shelli_apply_stiffness(point, k->rows, gain, stress);
+    for (int i = 0; i < k->rows; i++) stress[i] += k->stress[i];
+    dgfem_shelli_point_forces(shell->system->strains + point->strain_start, k->rows, stress, count, k->force);
 }
 
 static void dgfem_shelli_group_force(const dgfem_shelli_pass *pass, int g) {
@@ -2527,7 +2536,7 @@ static int dgfem_shelli_lay_out(const dgfem_shell *shell, dgfem_shell_system *sy
     system->gradients = (dgfem_vec3 *)dgfem_shelli_allocate(hooks, totals->gradients, sizeof(dgfem_vec3));
     system->group_force = (dgfem_vec3 *)dgfem_shelli_allocate(hooks, (size_t)system->node_total, sizeof(dgfem_vec3));
     system->group_energy = (dgfem_real *)dgfem_shelli_allocate(hooks, groups, sizeof(dgfem_real));
-    system->dense_count = hooks->parallel_for ? 128 : 1;
+    system->dense_count = !hooks->parallel_for ? 1 : system->group_count < 128 ? system->group_count : 128;
     system->dense = (dgfem_real *)dgfem_shelli_allocate(hooks, (size_t)system->dense_count * DGFEM_SHELLI_DENSE,
                                                         sizeof(dgfem_real));
     system->map = (size_t *)dgfem_shelli_allocate(hooks, totals->pairs, sizeof(size_t));
@@ -3026,7 +3035,7 @@ DGFEM_API dgfem_status dgfem_shell_pin(dgfem_shell *shell, int node, dgfem_real 
     if (!status) status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_PIN, &node, 1, id, &condition);
     if (status) return status;
     condition->scalar = stiffness;
-    condition->vector = shell->position[node];
+    condition->vector = condition->vector_before = shell->position[node];
     return DGFEM_OK;
 }
 
@@ -3275,9 +3284,7 @@ static void dgfem_shelli_add_external(const dgfem_shell *shell, const dgfem_vec3
         if (!pin && condition->kind != DGFEM_SHELL_CONDITION_FORCE) continue;
         for (int i = 0; i < condition->count; i++) {
             dgfem_vec3 *to = &out[condition->items[i]], force = dgfem_shelli_vector_now(shell, condition);
-            if (pin)
-                force =
-                    dgfem_shelli_scale(condition->scalar, dgfem_shelli_sub(condition->vector, x[condition->items[i]]));
+            if (pin) force = dgfem_shelli_scale(condition->scalar, dgfem_shelli_sub(force, x[condition->items[i]]));
             *to = dgfem_shelli_axpy(*to, factor, force);
         }
     }
@@ -4581,8 +4588,9 @@ static void dgfem_shelli_find_load_nodes(const dgfem_shelli_renewal *renewal) {
     for (int i = 0; i < edit->old->node_count; i++) renewal->load_node[i] = i;
     for (int i = 0; i < renewal->next->edge_count; i++) {
         const int *node = renewal->next->edges[i].node;
-        if (edit->on_edge[node[2]] == DGFEM_NONE || edit->edge_from[node[2]] == DGFEM_NONE) continue;
-        int middle = edit->old->edges[edit->edge_from[node[2]]].node[2];
+        int split = edit->on_edge[node[2]];
+        if (split == DGFEM_NONE) continue;
+        int middle = edit->old->edges[split].node[2];
         if (edit->moved_to[middle] != node[2]) continue;
         renewal->load_node[middle] = node[2];
         for (int a = 0; a < 2; a++)

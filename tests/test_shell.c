@@ -928,6 +928,42 @@ static void clamps_roll_a_strip(void **state) {
     }
 }
 
+/* A stiff pin that is dragged far goes there in the load steps of one solve; one that is set on a bent shell changes
+   nothing. */
+static void load_steps_drag_a_pin(void **state) {
+    dgfem_shell_desc desc = shell_desc();
+    dgfem_shell_static_desc how = dgfem_default_shell_static_desc();
+    dgfem_shell_info info;
+    int edges[256], pin;
+    (void)state;
+    if (DGFEM_REAL_IS_FLOAT) return;
+    desc.material.young = (dgfem_real)1.2e6;
+    desc.material.poisson = 0;
+    dgfem_shell *shell = shell_make(&desc, 8, 1, 0, map_flat);
+    dgfem_vec3 place = at3(0.6, 0.5, 0.7), *force = (dgfem_vec3 *)calloc((size_t)shell->node_count, sizeof *force);
+    int tip = shell_grid_nearest(shell, 1, 0.5, 0);
+    check_status(dgfem_shell_clamp(shell, edges, shell_edges(shell, plane_of(1, 0, 0, 0), edges), NULL), DGFEM_OK);
+    check_status(dgfem_shell_pin(shell, tip, 1e4, &pin), DGFEM_OK);
+    check_status(dgfem_shell_drag(shell, pin, place), DGFEM_OK);
+    how.load_steps = 32;
+    check_status(dgfem_shell_solve_static(shell, &how, &info), DGFEM_OK);
+    assert_int_equal(info.load_steps, 32); /* none had to be halved */
+    check_status(dgfem_shell_internal_force(shell, force), DGFEM_OK);
+    dgfem_vec3 x = shell->position[tip];
+    check_near3(force[tip],
+                at3(1e4 * (double)(place.x - x.x), 1e4 * (double)(place.y - x.y), 1e4 * (double)(place.z - x.z)), 1e-3);
+    assert_true(fabs((double)force[tip].z) > 10);
+    check_status(dgfem_shell_remove_condition(shell, pin), DGFEM_OK);
+    check_status(dgfem_shell_add_force(shell, &tip, 1, force[tip], NULL), DGFEM_OK);
+    check_status(dgfem_shell_pin(shell, tip, 1e4, NULL), DGFEM_OK);
+    how.load_steps = 1;
+    check_status(dgfem_shell_step(shell, (dgfem_real)1e-6, NULL), DGFEM_OK); /* the force is no news to the solve */
+    check_status(dgfem_shell_solve_static(shell, &how, NULL), DGFEM_OK);
+    check_near3(shell->position[tip], x, 1e-6);
+    free(force);
+    dgfem_shell_destroy(shell);
+}
+
 /* Sum of the external forces, and of their moments about the origin. */
 static void resultants(const dgfem_shell *shell, double *force, double *moment) {
     dgfem_vec3 *f = (dgfem_vec3 *)calloc((size_t)shell->node_count, sizeof *f);
@@ -1094,6 +1130,7 @@ int main(void) {
         cmocka_unit_test(moving_clamp_carries_the_shell),
         cmocka_unit_test(load_steps_turn_a_clamp),
         cmocka_unit_test(clamps_roll_a_strip),
+        cmocka_unit_test(load_steps_drag_a_pin),
         cmocka_unit_test(stepped_cantilever_under_a_force),
         cmocka_unit_test(stepped_cantilever_under_moment_and_tension),
         cmocka_unit_test(refuses_given_middles_that_do_not_fit),

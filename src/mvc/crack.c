@@ -625,7 +625,7 @@ static int dgfem_mvci_part(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh, dgfem_
 static dgfem_status dgfem_mvci_check_owners(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, int face) {
     for (int side = 0; side < 2; side++) {
         int owner = mesh->faces[face].owner[side];
-        if (!dgfem_mvci_element_is_good(mesh, owner) && !dgfem_mvci_add_failed(s, owner)) return DGFEM_ERROR_MEMORY;
+        if (!dgfem_mvci_guard_element(s, mesh, owner)) return DGFEM_ERROR_MEMORY;
     }
     return DGFEM_OK;
 }
@@ -664,8 +664,7 @@ static dgfem_status dgfem_mvci_cut_attempt(dgfem_mvci_splitter *s, dgfem_mvci_me
         if (status) return status;
     }
     for (int e = 0; e < mesh->element_count; e++) /* neighbours have got nodes, too */
-        if (mesh->elements[e].changed && mesh->elements[e].face_count && !dgfem_mvci_element_is_good(mesh, e) &&
-            !dgfem_mvci_add_failed(s, e))
+        if (mesh->elements[e].changed && mesh->elements[e].face_count && !dgfem_mvci_guard_element(s, mesh, e))
             return DGFEM_ERROR_MEMORY;
     if (s->failed.count) return DGFEM_ERROR_DEGENERATE;
     if (c->faces.count && !dgfem_mvci_part(s, mesh, c)) return DGFEM_ERROR_MEMORY;

@@ -68,7 +68,7 @@ static dgfem_status dgfem_mvci_try_cuts(dgfem_mvci_splitter *s, const dgfem_mvci
         if (!status && !dgfem_mvci_mesh_compact(copy)) status = DGFEM_ERROR_MEMORY;
         if (!status) *out = copy;
         else dgfem_mvci_mesh_destroy(copy);
-        if (status != DGFEM_ERROR_DEGENERATE) return status;
+        if (status != DGFEM_ERROR_DEGENERATE || attempt == 50) return status;
         for (int i = 0; i < s->failed.count; i++) dgfem_mvci_keep_around(s, mesh, s->failed.data[i]);
         dgfem_mvci_splitter_learn(s, mesh, attempt);
     }
@@ -272,6 +272,9 @@ static dgfem_status dgfem_mvci_job_end(dgfem_mvci_job *job, dgfem_status status,
     int changed = job->info.elements_split || job->info.nodes_added || job->info.faces_cut || job->info.slivers_removed;
     if (!status && job->mesh) status = dgfem_mvci_job_pieces(job);
     if (status == DGFEM_ERROR_MEMORY) (void)dgfem_mvci_fail_memory(&body->hooks);
+    if (status == DGFEM_ERROR_DEGENERATE)
+        (void)dgfem_mvci_fail(&body->hooks, status,
+                              "cut: no way to cut the elements here leaves all of them star-shaped");
     if (!status && job->mesh && changed) {
         status = dgfem_mvci_body_accept_mesh(body, job->mesh);
         if (!status) job->mesh = NULL;

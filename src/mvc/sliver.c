@@ -11,9 +11,9 @@
        \-----x-------/
          below  below             below   below
 
-   A needle's short edges vanish, and with them the needle; flat neighbours that come of this follow. Nodes of the body's
-   boundary move within the boundary only. Each removal is tried on a copy, and dropped where the elements around are not
-   good afterwards, or where volume has passed the boundary. */
+   A needle's short edges vanish, and with them the needle; flat neighbours that come of this follow. Nodes of the
+   body's boundary move within the boundary only. Each removal is tried on a copy, and dropped where the elements around
+   are not good afterwards, or where volume has passed the boundary. */
 
 typedef struct dgfem_mvci_sliver {
     const dgfem_hooks *hooks;

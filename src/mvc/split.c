@@ -26,6 +26,7 @@ typedef struct dgfem_mvci_splitter {
     dgfem_real snap;
     dgfem_real *tolerance; /* [nodes before] part of a crossed edge within which the node counts as on the plane */
     char *keep;            /* [elements before] stays whole */
+    char *weak;            /* [elements before] was not good before, either */
     int node_count, element_count; /* before the attempt */
     dgfem_mvci_levels levels;
     dgfem_mvci_ints parent;   /* element before the attempt that an element is part of */
@@ -61,6 +62,7 @@ static void dgfem_mvci_splitter_free(dgfem_mvci_splitter *s) {
     const dgfem_hooks *hooks = s->hooks;
     dgfem_mvci_free(hooks, s->tolerance);
     dgfem_mvci_free(hooks, s->keep);
+    dgfem_mvci_free(hooks, s->weak);
     dgfem_mvci_levels_free(hooks, &s->levels);
     dgfem_mvci_free(hooks, s->parent.data);
     dgfem_mvci_free(hooks, s->failed.data);
@@ -86,8 +88,9 @@ static int dgfem_mvci_splitter_make(dgfem_mvci_splitter *s, const dgfem_hooks *h
     s->element_count = mesh->element_count;
     s->tolerance = (dgfem_real *)dgfem_mvci_allocate(s->hooks, (size_t)mesh->node_count, sizeof(dgfem_real));
     s->keep = (char *)dgfem_mvci_allocate(s->hooks, (size_t)mesh->element_count, 1);
+    s->weak = (char *)dgfem_mvci_allocate(s->hooks, (size_t)mesh->element_count, 1);
     for (int i = 0; s->tolerance && i < mesh->node_count; i++) s->tolerance[i] = snap;
-    return s->tolerance && s->keep;
+    return s->tolerance && s->keep && s->weak;
 }
 
 static const dgfem_vec3 *dgfem_mvci_blade_space(const dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh) {
@@ -299,6 +302,7 @@ static int dgfem_mvci_split_face(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh, 
     while (levels->sign[loop[(down + n - 1) % n]] == 0) down--;
     int zeros = 0;
     while (levels->sign[loop[(up + zeros) % n]] == 0) zeros++;
+    if (!zeros || end == down) return face; /* a crossed edge without a node: nothing to divide by */
     int first = dgfem_mvci_nearest_level(levels, loop, n, up, zeros);
     int last = dgfem_mvci_nearest_level(levels, loop, n, down, end - down);
     s->buffer.count = 0;
@@ -538,12 +542,20 @@ static dgfem_status dgfem_mvci_split_selected(dgfem_mvci_splitter *s, dgfem_mvci
     return s->failed.count ? DGFEM_ERROR_DEGENERATE : DGFEM_OK;
 }
 
+/* Notes that an element has failed where it is not good, and not just as it was before. 0 when out of memory. */
+static int dgfem_mvci_guard_element(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, int element) {
+    int before = dgfem_mvci_element_before(s, element);
+    if (dgfem_mvci_element_is_good(mesh, element) || (s->keep[before] && s->weak[before])) return 1;
+    return dgfem_mvci_add_failed(s, element);
+}
+
 /* After a failed attempt: less snapping at the elements that failed, from the fifth attempt on they stay whole. */
 static void dgfem_mvci_splitter_learn(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, int attempt) {
     for (int i = 0; i < s->failed.count; i++) {
         int face_count, element = s->failed.data[i];
         const int *faces = dgfem_mvci_element_faces(mesh, element, &face_count);
         if (attempt >= 4) s->keep[element] = 1;
+        if (attempt >= 4) s->weak[element] = !dgfem_mvci_element_is_good(mesh, element);
         for (int k = 0; k < face_count; k++) {
             int count;
             const int *loop = dgfem_mvci_face_loop(mesh, faces[k] / 2, &count);

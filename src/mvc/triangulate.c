@@ -3,8 +3,8 @@
 /* Triangles of faces, stored once for both sides.
 
    Ears are cut in the order of their smallest angles, the largest first, nodes of lower index first where they are
-   equal: so the result depends on the face alone. Hanging nodes make collinear corners. An ear is refused where it is flat,
-   where its diagonal meets another node (the trace would not conform there), and where it leaves only a line. */
+   equal: so the result depends on the face alone. Hanging nodes make collinear corners. An ear is refused where it is
+   flat, where its diagonal meets another node (the trace would not conform there), and where it leaves only a line. */
 
 /* Triangles lower than this part of their longest side are flat; so is what is within round-off. */
 #if DGFEM_REAL_IS_FLOAT

@@ -284,7 +284,7 @@ DGFEM_API dgfem_status dgfem_shell_pin(dgfem_shell *shell, int node, dgfem_real 
     if (!status) status = dgfem_shelli_add_condition(shell, DGFEM_SHELL_CONDITION_PIN, &node, 1, id, &condition);
     if (status) return status;
     condition->scalar = stiffness;
-    condition->vector = shell->position[node];
+    condition->vector = condition->vector_before = shell->position[node];
     return DGFEM_OK;
 }
 

@@ -313,42 +313,6 @@ static void dgfem_shelli_evaluate(const dgfem_shell *shell, const dgfem_shelli_g
 
 /* ---- internal force ---- */
 
-/* Strains of a point at the beginning of the step. */
-static dgfem_real *dgfem_shelli_strain_before(const dgfem_shell_system *system, const dgfem_shelli_point *point) {
-    return system->strain_before + DGFEM_SHELLI_MAX_ROWS * (size_t)(point - system->points);
-}
-
-/* Keeps the strains of the current positions, supports where they were before. */
-static void dgfem_shelli_keep_strains(const dgfem_shell *shell) {
-    dgfem_shell_system *system = shell->system;
-    dgfem_shelli_local local;
-    dgfem_shelli_kinematics k;
-    system->part = 0;
-    for (int g = 0; g < system->group_count; g++) {
-        const dgfem_shelli_group *group = &system->groups[g];
-        if (!dgfem_shelli_group_acts(shell, group)) continue;
-        dgfem_shelli_local_take(shell, group, shell->position, &local);
-        for (int q = 0; q < group->point_count; q++) {
-            const dgfem_shelli_point *point = &system->points[group->point_start + q];
-            dgfem_shelli_evaluate(shell, group, point, &local, 0, &k);
-            memcpy(dgfem_shelli_strain_before(system, point), k.strain, (size_t)k.rows * sizeof *k.strain);
-        }
-    }
-    system->part = 1;
-}
-
-/* Adds the damping C times `damping` = beta / h times what the strains have gained in the step of length h: nothing in
-   a rigid motion, however large, with its supports. */
-static void dgfem_shelli_add_damping(const dgfem_shell *shell, const dgfem_shelli_point *point, dgfem_real damping,
-                                     int count, dgfem_shelli_kinematics *k) {
-    const dgfem_real *before = dgfem_shelli_strain_before(shell->system, point);
-    dgfem_real gain[DGFEM_SHELLI_MAX_ROWS], stress[DGFEM_SHELLI_MAX_ROWS];
-    for (int i = 0; i < k->rows; i++) gain[i] = damping * (k->strain[i] - before[i]);
-    dgfem_shelli_apply_stiffness(point, k->rows, gain, stress);
-    for (int i = 0; i < k->rows; i++) stress[i] += k->stress[i];
-    dgfem_shelli_point_forces(shell->system->strains + point->strain_start, k->rows, stress, count, k->force);
-}
-
 /* Groups are evaluated in any order, each into memory of its own; sums are then taken in theirs. So results are the
    same bits for any number of threads. */
 typedef struct dgfem_shelli_pass {
@@ -363,6 +327,50 @@ static void dgfem_shelli_run(const dgfem_hooks *hooks, int count, dgfem_range_fn
     enum { GRAIN = 8 };
     if (hooks->parallel_for && count > GRAIN) hooks->parallel_for(hooks->parallel_for_user, count, GRAIN, fn, pass);
     else fn(pass, 0, count);
+}
+
+/* Strains of a point at the beginning of the step. */
+static dgfem_real *dgfem_shelli_strain_before(const dgfem_shell_system *system, const dgfem_shelli_point *point) {
+    return system->strain_before + DGFEM_SHELLI_MAX_ROWS * (size_t)(point - system->points);
+}
+
+static void dgfem_shelli_strain_range(void *context, int first, int last) {
+    const dgfem_shelli_pass *pass = (const dgfem_shelli_pass *)context;
+    const dgfem_shell_system *system = pass->shell->system;
+    dgfem_shelli_local local;
+    dgfem_shelli_kinematics k;
+    for (int g = first; g < last; g++) {
+        const dgfem_shelli_group *group = &system->groups[g];
+        if (!dgfem_shelli_group_acts(pass->shell, group)) continue;
+        dgfem_shelli_local_take(pass->shell, group, pass->x, &local);
+        for (int q = 0; q < group->point_count; q++) {
+            const dgfem_shelli_point *point = &system->points[group->point_start + q];
+            dgfem_shelli_evaluate(pass->shell, group, point, &local, 0, &k);
+            memcpy(dgfem_shelli_strain_before(system, point), k.strain, (size_t)k.rows * sizeof *k.strain);
+        }
+    }
+}
+
+/* Keeps the strains of the current positions, supports where they were before. */
+static void dgfem_shelli_keep_strains(const dgfem_shell *shell) {
+    dgfem_shelli_pass pass;
+    memset(&pass, 0, sizeof pass);
+    pass.shell = shell, pass.x = shell->position;
+    shell->system->part = 0;
+    dgfem_shelli_run(&shell->hooks, shell->system->group_count, dgfem_shelli_strain_range, &pass);
+    shell->system->part = 1;
+}
+
+/* Adds the damping C times `damping` = beta / h times what the strains have gained in the step of length h: nothing in
+   a rigid motion, however large, with its supports. */
+static void dgfem_shelli_add_damping(const dgfem_shell *shell, const dgfem_shelli_point *point, dgfem_real damping,
+                                     int count, dgfem_shelli_kinematics *k) {
+    const dgfem_real *before = dgfem_shelli_strain_before(shell->system, point);
+    dgfem_real gain[DGFEM_SHELLI_MAX_ROWS], stress[DGFEM_SHELLI_MAX_ROWS];
+    for (int i = 0; i < k->rows; i++) gain[i] = damping * (k->strain[i] - before[i]);
+    dgfem_shelli_apply_stiffness(point, k->rows, gain, stress);
+    for (int i = 0; i < k->rows; i++) stress[i] += k->stress[i];
+    dgfem_shelli_point_forces(shell->system->strains + point->strain_start, k->rows, stress, count, k->force);
 }
 
 static void dgfem_shelli_group_force(const dgfem_shelli_pass *pass, int g) {

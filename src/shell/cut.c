@@ -192,8 +192,9 @@ static void dgfem_shelli_find_load_nodes(const dgfem_shelli_renewal *renewal) {
     for (int i = 0; i < edit->old->node_count; i++) renewal->load_node[i] = i;
     for (int i = 0; i < renewal->next->edge_count; i++) {
         const int *node = renewal->next->edges[i].node;
-        if (edit->on_edge[node[2]] == DGFEM_NONE || edit->edge_from[node[2]] == DGFEM_NONE) continue;
-        int middle = edit->old->edges[edit->edge_from[node[2]]].node[2];
+        int split = edit->on_edge[node[2]];
+        if (split == DGFEM_NONE) continue;
+        int middle = edit->old->edges[split].node[2];
         if (edit->moved_to[middle] != node[2]) continue;
         renewal->load_node[middle] = node[2];
         for (int a = 0; a < 2; a++)

@@ -121,9 +121,7 @@ static void dgfem_shelli_add_external(const dgfem_shell *shell, const dgfem_vec3
         if (!pin && condition->kind != DGFEM_SHELL_CONDITION_FORCE) continue;
         for (int i = 0; i < condition->count; i++) {
             dgfem_vec3 *to = &out[condition->items[i]], force = dgfem_shelli_vector_now(shell, condition);
-            if (pin)
-                force =
-                    dgfem_shelli_scale(condition->scalar, dgfem_shelli_sub(condition->vector, x[condition->items[i]]));
+            if (pin) force = dgfem_shelli_scale(condition->scalar, dgfem_shelli_sub(force, x[condition->items[i]]));
             *to = dgfem_shelli_axpy(*to, factor, force);
         }
     }

@@ -74,9 +74,10 @@ static dgfem_status dgfem_shelli_check_desc(const dgfem_shell_desc *desc) {
         return dgfem_shelli_fail(hooks, DGFEM_ERROR_ARGUMENT, "no indices of %d quads", desc->quad_count);
     if (desc->triangle_count < 0 || (desc->triangle_count > 0 && !desc->triangles))
         return dgfem_shelli_fail(hooks, DGFEM_ERROR_ARGUMENT, "no indices of %d triangles", desc->triangle_count);
-    if (desc->quad_count > INT_MAX / 32 || desc->triangle_count > INT_MAX / 32)
-        return dgfem_shelli_fail(hooks, DGFEM_ERROR_ARGUMENT, "%d quads and %d triangles are too many",
-                                 desc->quad_count, desc->triangle_count);
+    /* Fewer are too many for the matrix; with these limits no count on the way there leaves an int. */
+    if (desc->quad_count > INT_MAX / 128 || desc->triangle_count > INT_MAX / 128 || desc->vertices.count > INT_MAX / 2)
+        return dgfem_shelli_fail(hooks, DGFEM_ERROR_ARGUMENT, "%d quads, %d triangles and %d vertices are too many",
+                                 desc->quad_count, desc->triangle_count, desc->vertices.count);
     if (desc->quad_count + desc->triangle_count == 0) return dgfem_shelli_fail(hooks, DGFEM_ERROR_EMPTY, "no elements");
     if ((desc->nodes_per_quad != 4 && desc->nodes_per_quad != 8) ||
         (desc->nodes_per_triangle != 3 && desc->nodes_per_triangle != 6))

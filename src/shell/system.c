@@ -111,7 +111,7 @@ static int dgfem_shelli_lay_out(const dgfem_shell *shell, dgfem_shell_system *sy
     system->gradients = (dgfem_vec3 *)dgfem_shelli_allocate(hooks, totals->gradients, sizeof(dgfem_vec3));
     system->group_force = (dgfem_vec3 *)dgfem_shelli_allocate(hooks, (size_t)system->node_total, sizeof(dgfem_vec3));
     system->group_energy = (dgfem_real *)dgfem_shelli_allocate(hooks, groups, sizeof(dgfem_real));
-    system->dense_count = hooks->parallel_for ? 128 : 1;
+    system->dense_count = !hooks->parallel_for ? 1 : system->group_count < 128 ? system->group_count : 128;
     system->dense = (dgfem_real *)dgfem_shelli_allocate(hooks, (size_t)system->dense_count * DGFEM_SHELLI_DENSE,
                                                         sizeof(dgfem_real));
     system->map = (size_t *)dgfem_shelli_allocate(hooks, totals->pairs, sizeof(size_t));
