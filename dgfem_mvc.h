@@ -418,6 +418,8 @@ typedef struct dgfem_mvc_cut_desc {
 
 typedef struct dgfem_mvc_cut_info {
     int elements_split;
+    int elements_kept;   /* that the blade passes, but stay whole: else they or neighbours would not be star-shaped;
+                            for a surface, the sum over its triangles */
     int faces_cut;       /* that came apart; 0: the blade missed or only touched */
     int nodes_added;     /* on edges and in faces */
     int nodes_copied;    /* where elements came apart */
@@ -430,7 +432,8 @@ DGFEM_API dgfem_mvc_cut_desc dgfem_default_mvc_cut_desc(void);
 
 /* Splits all elements that straddle the plane; both parts stay connected. Like every cut: desc (NULL: the default) and
    info may be NULL; on failure nothing has changed, a change raises the revision. New nodes take the state between
-   those of their edge. */
+   those of their edge. A cut does what it can: an element that no split leaves star-shaped stays whole, and is counted
+   in info->elements_kept. */
 DGFEM_API dgfem_status dgfem_mvc_split_plane(dgfem_mvc *body, dgfem_plane plane, const dgfem_mvc_cut_desc *desc,
                                              dgfem_mvc_cut_info *info);
 
@@ -1074,10 +1077,12 @@ static int dgfem_mvci_element_triangles(const dgfem_mvci_mesh *mesh, int element
 
 /* ---- measures at rest ---- */
 
-/* Six times the volume of the tetrahedron of a triangle, counter-clockwise from outside, and a point inside. */
+/* Six times the volume of the tetrahedron of a triangle, counter-clockwise from outside, and a point inside. From the
+   triangle's own sides: products of the corners' distances from the point would lose a small triangle in round-off. */
 static dgfem_real dgfem_mvci_tetrahedron(const dgfem_mvci_mesh *mesh, const int nodes[3], dgfem_vec3 centre) {
-    dgfem_vec3 a = dgfem_mvci_sub(mesh->rest[nodes[0]], centre), b = dgfem_mvci_sub(mesh->rest[nodes[1]], centre);
-    return dgfem_mvci_dot(dgfem_mvci_cross(a, b), dgfem_mvci_sub(mesh->rest[nodes[2]], centre));
+    dgfem_vec3 a = mesh->rest[nodes[0]];
+    dgfem_vec3 b = dgfem_mvci_sub(mesh->rest[nodes[1]], a), c = dgfem_mvci_sub(mesh->rest[nodes[2]], a);
+    return dgfem_mvci_dot(dgfem_mvci_cross(b, c), dgfem_mvci_sub(a, centre));
 }
 
 /* Volume, and the centroid of the volume. */
@@ -4097,8 +4102,8 @@ static dgfem_status dgfem_mvci_body_accept_mesh(dgfem_mvc *body, dgfem_mvci_mesh
 
         + ----- + ------- +          The faces between are divided for both their elements; the new face closes the
         |       |         |          boundary of the faces above. Where a part is not star-shaped, the attempt is
-        o ----- o         |          dropped, and repeated with less snapping at the element that failed, at last
-        |       |         |          without splitting it. */
+        o ----- o         |          dropped, and repeated with less snapping at the element that failed, then
+        |       |         |          without splitting it, at last with nothing new on any of its edges. */
 
 /* Signed distances of nodes from a blade. Zeroed memory is empty. */
 typedef struct dgfem_mvci_levels {
@@ -4107,6 +4112,13 @@ typedef struct dgfem_mvci_levels {
     int count, capacity;
 } dgfem_mvci_levels;
 
+/* What is asked of an element, the more the more often it has failed. Stages below DGFEM_MVCI_WHOLE lower the tolerance
+   of its nodes, that before to nothing. */
+enum {
+    DGFEM_MVCI_WHOLE = 5, /* stays whole: it is not split, and its faces are not divided */
+    DGFEM_MVCI_SEALED     /* gets no new node, either; so all elements that share an edge with it stay whole */
+};
+
 /* One attempt, and what earlier ones have learned. */
 typedef struct dgfem_mvci_splitter {
     const dgfem_hooks *hooks;
@@ -4114,8 +4126,8 @@ typedef struct dgfem_mvci_splitter {
     int current;       /* 1: the plane is meant in the current positions; 0: at rest */
     dgfem_real snap;
     dgfem_real *tolerance; /* [nodes before] part of a crossed edge within which the node counts as on the plane */
-    char *keep;            /* [elements before] stays whole */
-    char *weak;            /* [elements before] was not good before, either */
+    char *stage;           /* [elements before] */
+    const dgfem_mvci_mesh *before;
     int node_count, element_count; /* before the attempt */
     dgfem_mvci_levels levels;
     dgfem_mvci_ints parent;   /* element before the attempt that an element is part of */
@@ -4123,7 +4135,8 @@ typedef struct dgfem_mvci_splitter {
     dgfem_mvci_ints selected; /* elements to split */
     dgfem_mvci_ints buffer, list, group, root, bound;
     dgfem_mvci_edges crossings, sides;
-    int elements_split, nodes_added;
+    dgfem_mvci_edges sealed; /* edges of elements at the last stage */
+    int elements_split, elements_kept, nodes_added;
 } dgfem_mvci_splitter;
 
 static int dgfem_mvci_sign(dgfem_real x) { return (x > 0) - (x < 0); }
@@ -4150,8 +4163,7 @@ static void dgfem_mvci_levels_free(const dgfem_hooks *hooks, dgfem_mvci_levels *
 static void dgfem_mvci_splitter_free(dgfem_mvci_splitter *s) {
     const dgfem_hooks *hooks = s->hooks;
     dgfem_mvci_free(hooks, s->tolerance);
-    dgfem_mvci_free(hooks, s->keep);
-    dgfem_mvci_free(hooks, s->weak);
+    dgfem_mvci_free(hooks, s->stage);
     dgfem_mvci_levels_free(hooks, &s->levels);
     dgfem_mvci_free(hooks, s->parent.data);
     dgfem_mvci_free(hooks, s->failed.data);
@@ -4163,6 +4175,7 @@ static void dgfem_mvci_splitter_free(dgfem_mvci_splitter *s) {
     dgfem_mvci_free(hooks, s->bound.data);
     dgfem_mvci_free(hooks, s->crossings.slots);
     dgfem_mvci_free(hooks, s->sides.slots);
+    dgfem_mvci_free(hooks, s->sealed.slots);
 }
 
 /* For all attempts on a mesh. 0 when out of memory. */
@@ -4176,10 +4189,10 @@ static int dgfem_mvci_splitter_make(dgfem_mvci_splitter *s, const dgfem_hooks *h
     s->node_count = mesh->node_count;
     s->element_count = mesh->element_count;
     s->tolerance = (dgfem_real *)dgfem_mvci_allocate(s->hooks, (size_t)mesh->node_count, sizeof(dgfem_real));
-    s->keep = (char *)dgfem_mvci_allocate(s->hooks, (size_t)mesh->element_count, 1);
-    s->weak = (char *)dgfem_mvci_allocate(s->hooks, (size_t)mesh->element_count, 1);
+    s->stage = (char *)dgfem_mvci_allocate(s->hooks, (size_t)mesh->element_count, 1);
+    s->before = mesh;
     for (int i = 0; s->tolerance && i < mesh->node_count; i++) s->tolerance[i] = snap;
-    return s->tolerance && s->keep && s->weak;
+    return s->tolerance && s->stage;
 }
 
 static const dgfem_vec3 *dgfem_mvci_blade_space(const dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh) {
@@ -4189,6 +4202,18 @@ static const dgfem_vec3 *dgfem_mvci_blade_space(const dgfem_mvci_splitter *s, co
 /* Element before the attempt. */
 static int dgfem_mvci_element_before(const dgfem_mvci_splitter *s, int element) {
     return element < s->element_count ? element : s->parent.data[element - s->element_count];
+}
+
+static int dgfem_mvci_stays_whole(const dgfem_mvci_splitter *s, int element) {
+    return s->stage[dgfem_mvci_element_before(s, element)] >= DGFEM_MVCI_WHOLE;
+}
+
+static int dgfem_mvci_is_sealed(const dgfem_mvci_splitter *s, int element) {
+    return s->stage[dgfem_mvci_element_before(s, element)] == DGFEM_MVCI_SEALED;
+}
+
+static int dgfem_mvci_edge_is_sealed(const dgfem_mvci_splitter *s, int a, int b) {
+    return s->sealed.size && dgfem_mvci_edges_find_between(&s->sealed, a, b) != DGFEM_NONE;
 }
 
 static int dgfem_mvci_add_failed(dgfem_mvci_splitter *s, int element) {
@@ -4551,22 +4576,50 @@ static int dgfem_mvci_split_element(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mes
 
 /* ---- guards ---- */
 
-/* Whether an element's centroid sees all its triangles, from a height that is not just round-off. */
-static int dgfem_mvci_element_is_good(const dgfem_mvci_mesh *mesh, int element) {
+/* Least height of an element's centroid above its triangles, relative to its diameter; not positive where it does not
+   see one of them, or where round-off decides whether it does. */
+static dgfem_real dgfem_mvci_element_height(const dgfem_mvci_mesh *mesh, int element) {
     int face_count, nodes[3];
     const int *faces = dgfem_mvci_element_faces(mesh, element, &face_count);
     dgfem_vec3 centre;
-    dgfem_real diameter, volume = dgfem_mvci_element_measure(mesh, element, &centre);
-    dgfem_real least = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-7);
+    dgfem_real diameter, least = 1, volume = dgfem_mvci_element_measure(mesh, element, &centre);
     if (!(volume > 0)) return 0;
     (void)dgfem_mvci_element_area(mesh, element, &diameter);
     for (int k = 0; k < face_count; k++)
         for (int t = 0; t < mesh->faces[faces[k] / 2].triangle_count; t++) {
             dgfem_mvci_triangle(mesh, faces[k] / 2, faces[k] & 1, t, nodes);
             dgfem_real area = dgfem_mvci_norm(dgfem_mvci_loop_area(mesh->rest, nodes, 3));
-            if (!(dgfem_mvci_tetrahedron(mesh, nodes, centre) > least * diameter * area)) return 0;
+            dgfem_real height = dgfem_mvci_tetrahedron(mesh, nodes, centre) / (diameter * area);
+            if (!(height >= least)) least = height > 0 ? height : 0;
         }
-    return 1;
+    return least > 64 * DGFEM_MVC_EPSILON * (1 + dgfem_mvci_norm(centre) / diameter) ? least : 0;
+}
+
+/* Whether an element's centroid sees all its triangles, from a height that is not just round-off. */
+static int dgfem_mvci_element_is_good(const dgfem_mvci_mesh *mesh, int element) {
+    return dgfem_mvci_element_height(mesh, element) > (DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-7));
+}
+
+/* Whether each directed edge of an element's triangles is there once, and once the other way, and the triangles are as
+   many as on a sphere. Negative when out of memory. */
+static int dgfem_mvci_element_is_closed(const dgfem_mvci_mesh *mesh, int element, dgfem_mvci_edges *edges) {
+    int face_count, corner[3], triangles = 0, nodes = 0;
+    const int *faces = dgfem_mvci_element_faces(mesh, element, &face_count);
+    if (!dgfem_mvci_edges_reset(&mesh->hooks, edges, 4 * dgfem_mvci_element_corners(mesh, element))) return -1;
+    for (int pass = 0; pass < 2; pass++)
+        for (int k = 0; k < face_count; k++)
+            for (int t = 0; t < mesh->faces[faces[k] / 2].triangle_count; t++) {
+                dgfem_mvci_triangle(mesh, faces[k] / 2, faces[k] & 1, t, corner);
+                triangles += !pass;
+                for (int i = 0; i < 3; i++) {
+                    int a = corner[i], b = corner[(i + 1) % 3];
+                    if (pass && dgfem_mvci_edges_find(edges, b, a) == DGFEM_NONE) return 0;
+                    if (pass) continue;
+                    if (!dgfem_mvci_check_edge(edges, a, b)) return 0;
+                    nodes += dgfem_mvci_check_edge(edges, a, a);
+                }
+            }
+    return triangles == 2 * nodes - 4;
 }
 
 /* Triangulates what is new. DGFEM_ERROR_DEGENERATE where elements failed. */
@@ -4631,31 +4684,88 @@ static dgfem_status dgfem_mvci_split_selected(dgfem_mvci_splitter *s, dgfem_mvci
     return s->failed.count ? DGFEM_ERROR_DEGENERATE : DGFEM_OK;
 }
 
-/* Notes that an element has failed where it is not good, and not just as it was before. 0 when out of memory. */
+/* Notes that an element that the attempt has changed has failed: where it is not closed, or not good; one that was not
+   good before may lose half of what it had. 0 when out of memory. */
 static int dgfem_mvci_guard_element(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, int element) {
-    int before = dgfem_mvci_element_before(s, element);
-    if (dgfem_mvci_element_is_good(mesh, element) || (s->keep[before] && s->weak[before])) return 1;
+    int before = dgfem_mvci_element_before(s, element), closed;
+    if (!mesh->elements[element].changed) return 1; /* then it is what it was, to the last bit */
+    closed = dgfem_mvci_element_is_closed(mesh, element, &s->sides);
+    if (closed < 0) return 0;
+    if (closed) {
+        dgfem_real height;
+        if (dgfem_mvci_element_is_good(mesh, element)) return 1;
+        height = dgfem_mvci_element_height(mesh, element);
+        if (height > 0 && !dgfem_mvci_element_is_good(s->before, before) &&
+            height >= dgfem_mvci_element_height(s->before, before) / 2)
+            return 1;
+    }
     return dgfem_mvci_add_failed(s, element);
 }
 
-/* After a failed attempt: less snapping at the elements that failed, from the fifth attempt on they stay whole. */
-static void dgfem_mvci_splitter_learn(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, int attempt) {
-    for (int i = 0; i < s->failed.count; i++) {
-        int face_count, element = s->failed.data[i];
-        const int *faces = dgfem_mvci_element_faces(mesh, element, &face_count);
-        if (attempt >= 4) s->keep[element] = 1;
-        if (attempt >= 4) s->weak[element] = !dgfem_mvci_element_is_good(mesh, element);
-        for (int k = 0; k < face_count; k++) {
+static dgfem_status dgfem_mvci_guard_elements(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh) {
+    for (int e = 0; e < mesh->element_count; e++)
+        if (mesh->elements[e].face_count && !dgfem_mvci_guard_element(s, mesh, e)) return DGFEM_ERROR_MEMORY;
+    return s->failed.count ? DGFEM_ERROR_DEGENERATE : DGFEM_OK;
+}
+
+/* ---- learning from a failure ---- */
+
+/* Brings a failed element to its next stage that asks more of it. Returns 0 where there is none. */
+static int dgfem_mvci_raise_element(dgfem_mvci_splitter *s, int element, int least) {
+    static const dgfem_real part[DGFEM_MVCI_WHOLE] = {1, DGFEM_R(0.2), DGFEM_R(0.02), DGFEM_R(0.001), 0};
+    int face_count, stage = s->stage[element], lowered = 0;
+    const int *faces = dgfem_mvci_element_faces(s->before, element, &face_count);
+    if (stage == DGFEM_MVCI_SEALED) return 0;
+    do {
+        stage++;
+        for (int k = 0; k < face_count && stage < DGFEM_MVCI_WHOLE; k++) {
             int count;
-            const int *loop = dgfem_mvci_face_loop(mesh, faces[k] / 2, &count);
-            dgfem_real limit = attempt == 0   ? s->snap / 5
-                               : attempt == 1 ? s->snap / 50
-                               : attempt == 2 ? s->snap / 1000
-                                              : 0;
-            for (int j = 0; j < count; j++)
-                if (s->tolerance[loop[j]] > limit) s->tolerance[loop[j]] = limit;
+            const int *loop = dgfem_mvci_face_loop(s->before, faces[k] / 2, &count);
+            for (int j = 0; j < count; j++) {
+                if (s->tolerance[loop[j]] <= part[stage] * s->snap) continue;
+                s->tolerance[loop[j]] = part[stage] * s->snap;
+                lowered = 1;
+            }
         }
-    }
+    } while (stage < least || (stage < DGFEM_MVCI_WHOLE && !lowered)); /* what changes nothing would fail again */
+    s->stage[element] = (char)stage;
+    return 1;
+}
+
+/* Elements that share an edge with a sealed one come to the stage, at least. 0 when out of memory. */
+static int dgfem_mvci_seal_edges(dgfem_mvci_splitter *s, char stage) {
+    const dgfem_mvci_mesh *mesh = s->before;
+    int corners = 0;
+    for (int e = 0; e < mesh->element_count; e++)
+        if (s->stage[e] == DGFEM_MVCI_SEALED) corners += dgfem_mvci_element_corners(mesh, e);
+    if (!corners) return 1;
+    if (!dgfem_mvci_edges_reset(s->hooks, &s->sealed, corners)) return 0;
+    for (int pass = 0; pass < 2; pass++)
+        for (int f = 0; f < mesh->face_count; f++) {
+            int count, found = 0, sealed = 0;
+            const int *loop = dgfem_mvci_face_loop(mesh, f, &count), *owner = mesh->faces[f].owner;
+            for (int side = 0; side < 2; side++)
+                sealed |= owner[side] != DGFEM_NONE && s->stage[owner[side]] == DGFEM_MVCI_SEALED;
+            for (int i = 0; i < count; i++) {
+                int a = loop[i], b = loop[(i + 1) % count];
+                if (!pass && sealed) dgfem_mvci_edges_between(&s->sealed, a, b)->value = 1;
+                if (pass && !found) found = dgfem_mvci_edges_find_between(&s->sealed, a, b) != DGFEM_NONE;
+            }
+            for (int side = 0; side < 2 && found; side++)
+                if (owner[side] != DGFEM_NONE && s->stage[owner[side]] < stage) s->stage[owner[side]] = stage;
+        }
+    return 1;
+}
+
+/* After a failed attempt. Returns 0 where nothing is left to be asked, which sealed elements rule out, for nothing
+   changes them; negative when out of memory. So the stages rise with each attempt, and attempts come to an end; where
+   they go on for long, stages are left out, and then what is sealed grows by a ring of elements each time. */
+static int dgfem_mvci_splitter_learn(dgfem_mvci_splitter *s, int attempt) {
+    int raised = 0;
+    for (int i = 0; i < s->failed.count; i++)
+        raised |= dgfem_mvci_raise_element(s, s->failed.data[i], attempt < 16 ? 0 : DGFEM_MVCI_WHOLE);
+    if (attempt >= 32 && !dgfem_mvci_seal_edges(s, DGFEM_MVCI_SEALED)) return -1;
+    return dgfem_mvci_seal_edges(s, DGFEM_MVCI_WHOLE) ? raised : -1;
 }
 
 /* ==== crack.c ===================================================================================================== */
@@ -4846,12 +4956,13 @@ static int dgfem_mvci_section(const dgfem_mvci_splitter *s, const dgfem_mvci_mes
 /* Smaller parts of an area are taken for none. */
 static double dgfem_mvci_least_area(void) { return DGFEM_REAL_IS_FLOAT ? 1e-4 : 1e-6; }
 
-/* Levels of all nodes; s->selected: elements that the blade passes. 0 when out of memory. */
+/* Levels of all nodes; s->selected: elements that the blade passes; s->elements_kept: others that it passes but that
+   have to stay whole. 0 when out of memory. */
 static int dgfem_mvci_select(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, dgfem_mvci_blade *blade) {
-    s->selected.count = 0;
+    s->selected.count = s->elements_kept = 0;
     if (!dgfem_mvci_measure_levels(s, mesh)) return 0;
     for (int e = 0; e < mesh->element_count; e++) {
-        if (s->keep[e] || (blade->single && e != blade->element)) continue;
+        if (blade->single && e != blade->element) continue;
         if (!dgfem_mvci_element_straddles(mesh, e, &s->levels)) continue;
         if (blade->polygon.count) {
             if (!dgfem_mvci_section(s, mesh, e, blade)) return 0;
@@ -4859,7 +4970,8 @@ static int dgfem_mvci_select(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh
             if (part < 0) return 0;
             if (!(part > dgfem_mvci_least_area() * whole)) continue;
         }
-        if (!dgfem_mvci_push(s->hooks, &s->selected, e)) return 0;
+        if (dgfem_mvci_stays_whole(s, e)) s->elements_kept++;
+        else if (!dgfem_mvci_push(s->hooks, &s->selected, e)) return 0;
     }
     return 1;
 }
@@ -4957,7 +5069,7 @@ static int dgfem_mvci_divide_along(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh
     for (int k = 0; k < before; k++) {
         int f = c->faces.data[k], count, keep = 0;
         const int *loop = dgfem_mvci_face_loop(mesh, f, &count);
-        for (int side = 0; side < 2; side++) keep |= s->keep[dgfem_mvci_element_before(s, mesh->faces[f].owner[side])];
+        for (int side = 0; side < 2; side++) keep |= dgfem_mvci_stays_whole(s, mesh->faces[f].owner[side]);
         if (keep || !(dgfem_mvci_segment_in_face(blade, dgfem_mvci_blade_space(s, mesh), loop, count, a, b) > 1e-6))
             continue;
         corners += count;
@@ -5115,6 +5227,7 @@ static int dgfem_mvci_open_mouths(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh,
             int a = mesh->loops.data[face->loop + i], b = mesh->loops.data[face->loop + (i + 1) % face->count];
             if (c->groups.data[c->number.data[a]] > 1 || c->groups.data[c->number.data[b]] > 1) continue;
             if (dgfem_mvci_edges_find_between(&c->surface, a, b) == DGFEM_NONE) continue;
+            if (dgfem_mvci_edge_is_sealed(s, a, b)) continue;
             dgfem_mvci_edge *edge = dgfem_mvci_edges_between(&s->crossings, a, b);
             if (edge->value != DGFEM_NONE) continue;
             edge->value = dgfem_mvci_add_node_between(mesh, edge->a, edge->b, DGFEM_R(0.5));
@@ -5182,8 +5295,21 @@ static int dgfem_mvci_fan(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh, dgfem_m
     return 1;
 }
 
-/* In each region none of whose nodes has two groups, a node in the largest face. Returns their number, -1 when out of
-   memory. */
+/* Takes the first `faces` of c->faces that are in a region from the list. Returns how many of the first remain. */
+static int dgfem_mvci_leave_region(const dgfem_mvci_mesh *mesh, dgfem_mvci_cracks *c, int region, int faces) {
+    int kept = 0, left = faces;
+    for (int k = 0; k < c->faces.count; k++) {
+        int first = mesh->loops.data[mesh->faces[c->faces.data[k]].loop];
+        if (k < faces && first < c->number.count && dgfem_mvci_root(c->region.data, c->number.data[first]) == region)
+            left--;
+        else c->faces.data[kept++] = c->faces.data[k];
+    }
+    c->faces.count = kept;
+    return left;
+}
+
+/* In each region none of whose nodes has two groups, a node in the largest face that no sealed element has; a region
+   without such a face does not come apart. Returns the number of nodes, -1 when out of memory. */
 static int dgfem_mvci_open_pockets(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh, dgfem_mvci_cracks *c) {
     int made = 0, faces = c->faces.count;
     for (int n = 0; n < c->nodes.count; n++) {
@@ -5197,9 +5323,12 @@ static int dgfem_mvci_open_pockets(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh
             const int *loop = dgfem_mvci_face_loop(mesh, c->faces.data[k], &count);
             /* after a fan, its face is no longer of that region's old nodes alone: the fan's node has no number */
             if (loop[0] >= c->number.count || dgfem_mvci_root(c->region.data, c->number.data[loop[0]]) != n) continue;
+            const int *owner = mesh->faces[c->faces.data[k]].owner;
+            if (dgfem_mvci_is_sealed(s, owner[0]) || dgfem_mvci_is_sealed(s, owner[1])) continue;
             dgfem_real area = dgfem_mvci_norm(dgfem_mvci_loop_area(mesh->rest, loop, count));
             if (area > largest) largest = area, best = c->faces.data[k];
         }
+        if (!open && best == DGFEM_NONE) faces = dgfem_mvci_leave_region(mesh, c, n, faces);
         if (best == DGFEM_NONE) continue;
         if (!dgfem_mvci_fan(s, mesh, c, best)) return -1;
         made++;
@@ -5224,7 +5353,8 @@ static void dgfem_mvci_reverse(int *nodes, int count) {
     }
 }
 
-/* The side of owner[1] becomes a face of its own. 0 when out of memory. */
+/* The side of owner[1] becomes a face of its own. Its triangles keep their order, and the loop its start, so that
+   nothing measured differs by round-off from what it was for owner[1] before. 0 when out of memory. */
 static int dgfem_mvci_part_face(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh, const dgfem_mvci_cracks *c, int face) {
     dgfem_mvci_face old = mesh->faces[face];
     s->buffer.count = 0;
@@ -5233,8 +5363,8 @@ static int dgfem_mvci_part_face(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh, c
             DGFEM_NONE)
         return 0;
     dgfem_mvci_rename(c, old.owner[1], s->buffer.data, s->buffer.count);
-    dgfem_mvci_reverse(s->buffer.data, old.count);
-    dgfem_mvci_reverse(s->buffer.data + old.count, 3 * old.triangle_count);
+    dgfem_mvci_reverse(s->buffer.data + 1, old.count - 1);
+    for (int t = 0; t < old.triangle_count; t++) dgfem_mvci_reverse(s->buffer.data + old.count + 3 * t + 1, 2);
     int other = dgfem_mvci_add_face(mesh, old.owner[1], DGFEM_NONE, s->buffer.data, old.count, DGFEM_NONE, 1);
     if (other == DGFEM_NONE) return 0;
     int start = dgfem_mvci_append(s->hooks, &mesh->triangles, s->buffer.data + old.count, 3 * old.triangle_count);
@@ -5290,15 +5420,18 @@ static dgfem_status dgfem_mvci_check_owners(dgfem_mvci_splitter *s, const dgfem_
     return DGFEM_OK;
 }
 
-/* Splits the elements that a blade passes and, where `open`, parts the faces on it; c->faces: those. The mesh is spoilt
-   where it fails. DGFEM_ERROR_DEGENERATE: at s->failed. */
+/* Splits the elements that a blade passes and, where `open`, parts the faces on it; c->faces: those. Marks the elements
+   that the attempt, not those before, has changed. The mesh is spoilt where it fails. DGFEM_ERROR_DEGENERATE: at
+   s->failed. */
 static dgfem_status dgfem_mvci_cut_attempt(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh, dgfem_mvci_blade *blade,
                                            int open, dgfem_mvci_cracks *c) {
     c->faces.count = 0;
     c->nodes_copied = 0;
     c->levels.count = 0;
+    for (int e = 0; e < mesh->element_count; e++) mesh->elements[e].changed = 0;
     if (!dgfem_mvci_select(s, mesh, blade)) return DGFEM_ERROR_MEMORY;
     dgfem_status status = dgfem_mvci_split_selected(s, mesh);
+    if (!status && !open) status = dgfem_mvci_guard_elements(s, mesh);
     if (status || !open) return status;
 
     if (!dgfem_mvci_find_blade_faces(s, mesh, c)) return DGFEM_ERROR_MEMORY;
@@ -5323,12 +5456,9 @@ static dgfem_status dgfem_mvci_cut_attempt(dgfem_mvci_splitter *s, dgfem_mvci_me
         status = dgfem_mvci_settle_attempt(s, mesh);
         if (status) return status;
     }
-    for (int e = 0; e < mesh->element_count; e++) /* neighbours have got nodes, too */
-        if (mesh->elements[e].changed && mesh->elements[e].face_count && !dgfem_mvci_guard_element(s, mesh, e))
-            return DGFEM_ERROR_MEMORY;
-    if (s->failed.count) return DGFEM_ERROR_DEGENERATE;
-    if (c->faces.count && !dgfem_mvci_part(s, mesh, c)) return DGFEM_ERROR_MEMORY;
-    return DGFEM_OK;
+    status = dgfem_mvci_guard_elements(s, mesh); /* neighbours have got nodes, too */
+    if (!status && c->faces.count && !dgfem_mvci_part(s, mesh, c)) status = DGFEM_ERROR_MEMORY;
+    return status;
 }
 
 /* ==== sliver.c ==================================================================================================== */
@@ -5951,28 +6081,6 @@ static int dgfem_mvci_collapse(dgfem_mvci_sliver *s, int element, dgfem_real thi
     return dgfem_mvci_weld(s);
 }
 
-/* Each directed edge of an element's triangles once, and once the other way; like a sphere. */
-static int dgfem_mvci_element_is_closed(dgfem_mvci_sliver *s, int element) {
-    int face_count, corner[3], triangles = 0, nodes = 0;
-    const int *faces = dgfem_mvci_element_faces(s->mesh, element, &face_count);
-    if (!dgfem_mvci_edges_reset(s->hooks, &s->edges, 4 * dgfem_mvci_element_corners(s->mesh, element)))
-        return DGFEM_MVCI_NO_MEMORY;
-    for (int pass = 0; pass < 2; pass++)
-        for (int k = 0; k < face_count; k++)
-            for (int t = 0; t < s->mesh->faces[faces[k] / 2].triangle_count; t++) {
-                dgfem_mvci_triangle(s->mesh, faces[k] / 2, faces[k] & 1, t, corner);
-                triangles += !pass;
-                for (int i = 0; i < 3; i++) {
-                    int a = corner[i], b = corner[(i + 1) % 3];
-                    if (pass && dgfem_mvci_edges_find(&s->edges, b, a) == DGFEM_NONE) return DGFEM_MVCI_REFUSED;
-                    if (pass) continue;
-                    if (!dgfem_mvci_check_edge(&s->edges, a, b)) return DGFEM_MVCI_REFUSED;
-                    nodes += dgfem_mvci_check_edge(&s->edges, a, a);
-                }
-            }
-    return triangles == 2 * nodes - 4 ? DGFEM_MVCI_DONE : DGFEM_MVCI_REFUSED;
-}
-
 /* Queues affected elements that have lost their volume. */
 static int dgfem_mvci_queue_flat(dgfem_mvci_sliver *s) {
     for (int i = 0; i < s->affected.count; i++) {
@@ -6009,8 +6117,8 @@ static int dgfem_mvci_accept_removal(dgfem_mvci_sliver *s, const dgfem_mvci_mesh
     for (int i = 0; i < s->affected.count; i++) {
         int other = s->affected.data[i];
         if (!s->mesh->elements[other].face_count) continue;
-        int result = dgfem_mvci_element_is_closed(s, other);
-        if (result <= 0) return result;
+        int closed = dgfem_mvci_element_is_closed(s->mesh, other, &s->edges);
+        if (closed <= 0) return closed ? DGFEM_MVCI_NO_MEMORY : DGFEM_MVCI_REFUSED;
         if (!dgfem_mvci_element_is_good(s->mesh, other)) return DGFEM_MVCI_REFUSED;
         dgfem_real now = dgfem_mvci_element_quality(s->mesh, other);
         if (now < DGFEM_R(0.99) * quality && now < DGFEM_R(0.3) * dgfem_mvci_element_quality(before, other))
@@ -6149,17 +6257,6 @@ static int dgfem_mvci_blade_set(const dgfem_hooks *hooks, dgfem_mvci_blade *blad
 
 /* ---- attempts ---- */
 
-/* Where an element failed although it stays whole, its neighbours stay whole, too. */
-static void dgfem_mvci_keep_around(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, int element) {
-    int face_count;
-    const int *faces = dgfem_mvci_element_faces(mesh, element, &face_count);
-    if (!s->keep[element]) return;
-    for (int k = 0; k < face_count; k++) {
-        int other = mesh->faces[faces[k] / 2].owner[!(faces[k] & 1)];
-        if (other != DGFEM_NONE) s->keep[other] = 1;
-    }
-}
-
 /* Whether a blade meets anything. Negative when out of memory. */
 static int dgfem_mvci_blade_meets(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, dgfem_mvci_blade *blade,
                                   int open, dgfem_mvci_cracks *cracks) {
@@ -6168,18 +6265,19 @@ static int dgfem_mvci_blade_meets(dgfem_mvci_splitter *s, const dgfem_mvci_mesh 
     return dgfem_mvci_find_blade_faces(s, mesh, cracks) ? cracks->faces.count > 0 : -1;
 }
 
-/* Repeats attempts until one succeeds: at the latest when all elements around those that failed stay whole. */
+/* Repeats attempts until one succeeds: at the latest when all elements are sealed, for then nothing is changed. */
 static dgfem_status dgfem_mvci_try_cuts(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, dgfem_mvci_blade *blade,
                                         int open, dgfem_mvci_cracks *cracks, dgfem_mvci_mesh **out) {
     for (int attempt = 0;; attempt++) {
         dgfem_mvci_mesh *copy = dgfem_mvci_mesh_copy(mesh);
         dgfem_status status = copy ? dgfem_mvci_cut_attempt(s, copy, blade, open, cracks) : DGFEM_ERROR_MEMORY;
+        for (int e = 0; !status && e < mesh->element_count; e++) copy->elements[e].changed |= mesh->elements[e].changed;
         if (!status && !dgfem_mvci_mesh_compact(copy)) status = DGFEM_ERROR_MEMORY;
         if (!status) *out = copy;
         else dgfem_mvci_mesh_destroy(copy);
-        if (status != DGFEM_ERROR_DEGENERATE || attempt == 50) return status;
-        for (int i = 0; i < s->failed.count; i++) dgfem_mvci_keep_around(s, mesh, s->failed.data[i]);
-        dgfem_mvci_splitter_learn(s, mesh, attempt);
+        if (status != DGFEM_ERROR_DEGENERATE) return status;
+        int learned = dgfem_mvci_splitter_learn(s, attempt);
+        if (learned <= 0) return learned ? DGFEM_ERROR_MEMORY : status;
     }
 }
 
@@ -6195,6 +6293,7 @@ static dgfem_status dgfem_mvci_mesh_cut(const dgfem_mvci_mesh *mesh, dgfem_mvci_
     if (!meets) meets = dgfem_mvci_blade_meets(&splitter, mesh, blade, open, &cracks);
     if (meets < 0) status = DGFEM_ERROR_MEMORY;
     if (meets > 0) status = dgfem_mvci_try_cuts(&splitter, mesh, blade, open, &cracks, out);
+    if (!status) info->elements_kept += splitter.elements_kept;
     if (*out && !splitter.elements_split && !splitter.nodes_added && !cracks.faces.count) {
         dgfem_mvci_mesh_destroy(*out);
         *out = NULL;

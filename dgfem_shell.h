@@ -337,8 +337,9 @@ DGFEM_API dgfem_shell_desc dgfem_default_shell_desc(void);
 DGFEM_API dgfem_shell_static_desc dgfem_default_shell_static_desc(void);
 
 /* Nodes 0 .. vertices.count - 1 are the vertices, in their order; made middle nodes follow. Refuses edges of more than
-   two elements (DGFEM_ERROR_NOT_CONFORMING), neighbours of opposite orientation (DGFEM_ERROR_INSIDE_OUT), unused
-   vertices, degenerate elements; the log names element and edge. */
+   two elements, given middle nodes that are corners elsewhere or that differ between the same two corners
+   (DGFEM_ERROR_NOT_CONFORMING), neighbours of opposite orientation (DGFEM_ERROR_INSIDE_OUT), unused vertices,
+   degenerate elements; the log names element and edge. */
 DGFEM_API dgfem_status dgfem_shell_create(const dgfem_shell_desc *desc, dgfem_shell **out);
 DGFEM_API void dgfem_shell_destroy(dgfem_shell *shell);
 

@@ -388,6 +388,72 @@ static void test_nothing_to_cut(void **state) {
     dgfem_mvc_destroy(body);
 }
 
+/* The prism of height 1 over an outline, counter-clockwise, of at most 8 points. */
+static dgfem_polyhedron *prism(const double (*outline)[2], int n) {
+    dgfem_polyhedron_desc desc = dgfem_default_polyhedron_desc();
+    dgfem_polyhedron *cell = NULL;
+    dgfem_vec3 x[16];
+    int loops[48], starts[11], count = 2 * n;
+    for (int i = 0; i < n; i++) {
+        x[i] = vec3(outline[i][0], outline[i][1], 0), x[n + i] = vec3(outline[i][0], outline[i][1], 1);
+        loops[i] = n - 1 - i, loops[n + i] = n + i;
+    }
+    starts[0] = 0, starts[1] = n;
+    for (int i = 0; i < n; i++) {
+        int j = (i + 1) % n;
+        starts[2 + i] = count;
+        loops[count++] = i, loops[count++] = j, loops[count++] = n + j, loops[count++] = n + i;
+    }
+    starts[2 + n] = count;
+    desc.vertices = x, desc.vertex_count = 2 * n, desc.face_count = n + 2;
+    desc.loop_start = starts, desc.loop_vertices = loops;
+    check_status(dgfem_polyhedron_create(&desc, &cell), DGFEM_OK);
+    return cell;
+}
+
+/* What the plane x + y = 3.9 would cut off the L does not see itself from its centroid, (2.13, 2.13), for the inner
+   corner is at (2, 2): so the L stays whole, and the box beside it is cut up to it. */
+static void test_what_cannot_be_split(void **state) {
+    (void)state;
+    static const double l[6][2] = {{0, 0}, {3, 0}, {3, 2}, {2, 2}, {2, 3}, {0, 3}};
+    static const double box[4][2] = {{3, 0}, {4, 0}, {4, 2}, {3, 2}};
+    const dgfem_plane plane = plane_at(1, 1, 0, 3.9);
+    dgfem_polyhedron *cells[2];
+    dgfem_weld_desc weld = dgfem_default_weld_desc();
+    dgfem_mvc_desc desc = mvc_desc();
+    dgfem_mvc_cut_desc thin = plain_cut();
+    dgfem_mvc_cut_info info;
+    dgfem_mesh *mesh = NULL;
+    cells[0] = prism(l, 6), cells[1] = prism(box, 4);
+    check_status(dgfem_mesh_create_polyhedra((const dgfem_polyhedron *const *)cells, 2, &weld, &mesh), DGFEM_OK);
+    dgfem_polyhedron_destroy(cells[0]), dgfem_polyhedron_destroy(cells[1]);
+    dgfem_mvc *body = mvc_of(&desc, mesh);
+    assert_int_equal(body->node_count, 16);
+
+    for (int k = 0; k < 2; k++) {
+        int revision = body->revision;
+        thin.snap = k ? 0 : DGFEM_R(0.05);
+        check_status(dgfem_mvc_split_element(body, 0, plane, &thin, &info), DGFEM_OK);
+        assert_int_equal(info.elements_kept, 1);
+        assert_int_equal(info.elements_split + info.nodes_added + info.faces_cut, 0);
+        assert_int_equal(body->revision, revision);
+    }
+
+    info = cut(body, plane);
+    assert_int_equal(info.elements_kept, 1);
+    assert_int_equal(info.elements_split, 1);
+    assert_int_equal(info.nodes_added, 4);
+    assert_int_equal(info.nodes_copied, 2); /* those on the L hold both parts */
+    assert_int_equal(info.faces_cut, 1);
+    assert_int_equal(info.pieces, 1);
+    assert_int_equal(body->node_count, 22);
+    assert_int_equal(body->element_count, 3);
+    assert_int_equal(element_size(body, 0), 14); /* has got hanging nodes */
+    check_status(dgfem_mvc_check(body), DGFEM_OK);
+    check_near((double)dgfem_mvc_rest_volume(body), 10, 100 * CHECK_EPSILON);
+    dgfem_mvc_destroy(body);
+}
+
 /* An L-shaped cut: its inner corner stays whole. */
 static void test_polygon_that_is_not_convex(void **state) {
     (void)state;
@@ -777,6 +843,7 @@ int main(void) {
         cmocka_unit_test(test_conditions_follow),
         cmocka_unit_test(test_pieces_are_told),
         cmocka_unit_test(test_nothing_to_cut),
+        cmocka_unit_test(test_what_cannot_be_split),
         cmocka_unit_test(test_polygon_that_is_not_convex),
         cmocka_unit_test(test_surface),
         cmocka_unit_test(test_curved_surface),

@@ -1,9 +1,6 @@
 /* Nodes, faces and elements of dgfem_mvc.h: made from a cell complex, triangulated, measured, checked, changed. */
 #define DGFEM_IMPLEMENTATION
 #include "dgfem_mvc.h"
-#ifndef DGFEM_STATIC
-#define DGFEM_STATIC /* private functions are called */
-#endif
 #include "check_mvc.h"
 
 static dgfem_hooks quiet(void) {
@@ -280,6 +277,103 @@ static void test_elements_must_be_star_shaped(void **state) {
     dgfem_polyhedron_destroy(cell);
 }
 
+/* A right triangle whose sides are far shorter than its distance from the point: 2^-60 (2^-24 in float) times that. */
+static void test_small_triangles_are_measured(void **state) {
+    (void)state;
+    static const int nodes[3] = {0, 1, 2};
+    dgfem_mvci_mesh *mesh = box_of(1, 1, 1);
+    double side = DGFEM_REAL_IS_FLOAT ? 0x1p-12 : 0x1p-30;
+    mesh->rest[0] = vec3(1, 0.5, 0.25);
+    mesh->rest[1] = vec3(1, 0.5 + side, 0.25);
+    mesh->rest[2] = vec3(1, 0.5, 0.25 + side);
+    double volume = (double)dgfem_mvci_tetrahedron(mesh, nodes, vec3(0.3, 0.23, 0.11));
+    check_near(volume / (side * side), 0.7, 10 * CHECK_EPSILON);
+    dgfem_mvci_mesh_destroy(mesh);
+}
+
+/* A failed element is asked for more each time, until nothing is left; stages that change nothing are left out. */
+static void test_failures_are_learned_from(void **state) {
+    (void)state;
+    dgfem_hooks hooks = quiet();
+    dgfem_mvci_mesh *mesh = box_of(5, 1, 1);
+    dgfem_plane plane = convex_mesh_plane(0, 0, 1, 0.5);
+    for (int k = 0; k < 2; k++) {
+        dgfem_mvci_splitter s;
+        int times = 0;
+        assert_true(dgfem_mvci_splitter_make(&s, &hooks, mesh, plane, 0, k ? 0 : DGFEM_R(0.05)));
+        assert_true(dgfem_mvci_add_failed(&s, 2));
+        while (dgfem_mvci_splitter_learn(&s, times) > 0) times++;
+        assert_int_equal(times, k ? 2 : 6);
+        assert_int_equal(s.stage[0], 0);
+        assert_int_equal(s.stage[1], DGFEM_MVCI_WHOLE); /* shares edges with it */
+        assert_int_equal(s.stage[2], DGFEM_MVCI_SEALED);
+        assert_int_equal(s.stage[3], DGFEM_MVCI_WHOLE);
+        dgfem_mvci_splitter_free(&s);
+    }
+    dgfem_mvci_mesh_destroy(mesh);
+}
+
+/* The middle one of 3 x 3 elements is sealed: a plane leaves the other eight whole, for they share an edge with it. Of
+   5 x 1, it splits the two that do not. */
+static void test_sealed_elements_do_not_change(void **state) {
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        dgfem_hooks hooks = quiet();
+        dgfem_mvci_mesh *mesh = k ? box_of(5, 1, 1) : box_of(3, 3, 1);
+        dgfem_mvci_blade blade;
+        dgfem_mvci_cracks cracks;
+        dgfem_mvci_splitter s;
+        int sealed = k ? 2 : 4;
+        memset(&blade, 0, sizeof blade);
+        memset(&cracks, 0, sizeof cracks);
+        dgfem_mvci_blade_axes(&blade, vec3(0, 0, 1), vec3(0, 0, 0.5));
+        assert_true(dgfem_mvci_splitter_make(&s, &hooks, mesh, blade.plane, 0, DGFEM_R(0.05)));
+        s.stage[sealed] = DGFEM_MVCI_SEALED;
+        assert_true(dgfem_mvci_seal_edges(&s, DGFEM_MVCI_WHOLE));
+        dgfem_mvci_mesh *copy = dgfem_mvci_mesh_copy(mesh);
+        check_status(dgfem_mvci_cut_attempt(&s, copy, &blade, 1, &cracks), DGFEM_OK);
+        assert_int_equal(s.elements_split, k ? 2 : 0);
+        assert_int_equal(s.elements_kept, k ? 3 : 9);
+        assert_int_equal(copy->elements[sealed].changed, 0);
+        assert_int_equal(copy->element_count, mesh->element_count + (k ? 2 : 0));
+        assert_true(dgfem_mvci_mesh_compact(copy));
+        check_status(dgfem_mvci_mesh_check(copy), DGFEM_OK);
+        dgfem_mvci_cracks_free(&hooks, &cracks);
+        dgfem_mvci_splitter_free(&s);
+        dgfem_mvci_mesh_destroy(copy);
+        dgfem_mvci_mesh_destroy(mesh);
+    }
+}
+
+/* Parting faces changes no measure, not by round-off either. */
+static void test_parting_keeps_measures(void **state) {
+    (void)state;
+    dgfem_hooks hooks = quiet();
+    dgfem_mvci_mesh *mesh = box_of(3, 2, 2), *out = NULL;
+    dgfem_mvci_blade blade;
+    dgfem_mvc_cut_info info;
+    memset(&info, 0, sizeof info);
+    for (int open = 0; open < 2; open++) { /* splits, then parts what is split */
+        memset(&blade, 0, sizeof blade);
+        dgfem_mvci_blade_axes(&blade, dgfem_mvci_unit(vec3(0.31, 0.17, 1)), vec3(0.41, 0.53, 0.47));
+        check_status(dgfem_mvci_mesh_cut(mesh, &blade, 0, 0, open, &info, &out), DGFEM_OK);
+        assert_non_null(out);
+        for (int e = 0; open && e < mesh->element_count; e++) {
+            dgfem_vec3 before, after;
+            assert_true(dgfem_mvci_element_measure(mesh, e, &before) == dgfem_mvci_element_measure(out, e, &after));
+            assert_true(before.x == after.x && before.y == after.y && before.z == after.z);
+        }
+        assert_int_equal(out->element_count, open ? mesh->element_count : mesh->element_count + info.elements_split);
+        dgfem_mvci_mesh_destroy(mesh);
+        mesh = out;
+    }
+    assert_true(info.faces_cut > 3);
+    assert_int_equal(info.elements_kept, 0);
+    check_status(dgfem_mvci_mesh_check(mesh), DGFEM_OK);
+    dgfem_mvci_blade_free(&hooks, &blade);
+    dgfem_mvci_mesh_destroy(mesh);
+}
+
 static dgfem_status create_and_destroy(void *context, const dgfem_hooks *hooks) {
     dgfem_grid_desc *desc = (dgfem_grid_desc *)context;
     dgfem_mesh *source = NULL;
@@ -292,11 +386,25 @@ static dgfem_status create_and_destroy(void *context, const dgfem_hooks *hooks) 
     return status;
 }
 
+/* A failure that is learned from until its element is sealed. */
+static dgfem_status learn_to_the_end(void *context, const dgfem_hooks *hooks) {
+    const dgfem_mvci_mesh *mesh = (const dgfem_mvci_mesh *)context;
+    dgfem_mvci_splitter s;
+    int learned = dgfem_mvci_splitter_make(&s, hooks, mesh, convex_mesh_plane(0, 0, 1, 0.5), 0, 0) ? 1 : -1;
+    if (learned > 0 && !dgfem_mvci_add_failed(&s, 0)) learned = -1;
+    for (int attempt = 0; learned > 0; attempt++) learned = dgfem_mvci_splitter_learn(&s, attempt);
+    dgfem_mvci_splitter_free(&s);
+    return learned ? dgfem_mvci_fail_memory(hooks) : DGFEM_OK;
+}
+
 static void test_every_failing_allocation(void **state) {
     (void)state;
     dgfem_grid_desc desc = dgfem_default_grid_desc();
     desc.cells[0] = 2;
     assert_true(check_every_allocation(create_and_destroy, &desc) > 20);
+    dgfem_mvci_mesh *mesh = box_of(2, 1, 1);
+    assert_true(check_every_allocation(learn_to_the_end, mesh) > 3);
+    dgfem_mvci_mesh_destroy(mesh);
 }
 
 /* ---- changes ---- */
@@ -430,6 +538,10 @@ int main(void) {
         cmocka_unit_test(test_meshes_of_all_kinds),
         cmocka_unit_test(test_holes_are_refused),
         cmocka_unit_test(test_elements_must_be_star_shaped),
+        cmocka_unit_test(test_small_triangles_are_measured),
+        cmocka_unit_test(test_failures_are_learned_from),
+        cmocka_unit_test(test_sealed_elements_do_not_change),
+        cmocka_unit_test(test_parting_keeps_measures),
         cmocka_unit_test(test_every_failing_allocation),
         cmocka_unit_test(test_copy_and_compact),
         cmocka_unit_test(test_bent_faces_are_divided),

@@ -1,9 +1,6 @@
 /* Skins and surfaces of polyhedral bodies; what a body keeps when its mesh is edited. */
 #define DGFEM_IMPLEMENTATION
 #include "dgfem_mvc.h"
-#ifndef DGFEM_STATIC
-#define DGFEM_STATIC
-#endif
 #include "check_mvc.h"
 
 static dgfem_mvc_skin *skin_of(const dgfem_mvc *body, const dgfem_vec3 *points, int count) {

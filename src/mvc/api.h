@@ -260,6 +260,8 @@ typedef struct dgfem_mvc_cut_desc {
 
 typedef struct dgfem_mvc_cut_info {
     int elements_split;
+    int elements_kept;   /* that the blade passes, but stay whole: else they or neighbours would not be star-shaped;
+                            for a surface, the sum over its triangles */
     int faces_cut;       /* that came apart; 0: the blade missed or only touched */
     int nodes_added;     /* on edges and in faces */
     int nodes_copied;    /* where elements came apart */
@@ -272,7 +274,8 @@ DGFEM_API dgfem_mvc_cut_desc dgfem_default_mvc_cut_desc(void);
 
 /* Splits all elements that straddle the plane; both parts stay connected. Like every cut: desc (NULL: the default) and
    info may be NULL; on failure nothing has changed, a change raises the revision. New nodes take the state between
-   those of their edge. */
+   those of their edge. A cut does what it can: an element that no split leaves star-shaped stays whole, and is counted
+   in info->elements_kept. */
 DGFEM_API dgfem_status dgfem_mvc_split_plane(dgfem_mvc *body, dgfem_plane plane, const dgfem_mvc_cut_desc *desc,
                                              dgfem_mvc_cut_info *info);
 

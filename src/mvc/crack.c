@@ -186,12 +186,13 @@ static int dgfem_mvci_section(const dgfem_mvci_splitter *s, const dgfem_mvci_mes
 /* Smaller parts of an area are taken for none. */
 static double dgfem_mvci_least_area(void) { return DGFEM_REAL_IS_FLOAT ? 1e-4 : 1e-6; }
 
-/* Levels of all nodes; s->selected: elements that the blade passes. 0 when out of memory. */
+/* Levels of all nodes; s->selected: elements that the blade passes; s->elements_kept: others that it passes but that
+   have to stay whole. 0 when out of memory. */
 static int dgfem_mvci_select(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, dgfem_mvci_blade *blade) {
-    s->selected.count = 0;
+    s->selected.count = s->elements_kept = 0;
     if (!dgfem_mvci_measure_levels(s, mesh)) return 0;
     for (int e = 0; e < mesh->element_count; e++) {
-        if (s->keep[e] || (blade->single && e != blade->element)) continue;
+        if (blade->single && e != blade->element) continue;
         if (!dgfem_mvci_element_straddles(mesh, e, &s->levels)) continue;
         if (blade->polygon.count) {
             if (!dgfem_mvci_section(s, mesh, e, blade)) return 0;
@@ -199,7 +200,8 @@ static int dgfem_mvci_select(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh
             if (part < 0) return 0;
             if (!(part > dgfem_mvci_least_area() * whole)) continue;
         }
-        if (!dgfem_mvci_push(s->hooks, &s->selected, e)) return 0;
+        if (dgfem_mvci_stays_whole(s, e)) s->elements_kept++;
+        else if (!dgfem_mvci_push(s->hooks, &s->selected, e)) return 0;
     }
     return 1;
 }
@@ -297,7 +299,7 @@ static int dgfem_mvci_divide_along(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh
     for (int k = 0; k < before; k++) {
         int f = c->faces.data[k], count, keep = 0;
         const int *loop = dgfem_mvci_face_loop(mesh, f, &count);
-        for (int side = 0; side < 2; side++) keep |= s->keep[dgfem_mvci_element_before(s, mesh->faces[f].owner[side])];
+        for (int side = 0; side < 2; side++) keep |= dgfem_mvci_stays_whole(s, mesh->faces[f].owner[side]);
         if (keep || !(dgfem_mvci_segment_in_face(blade, dgfem_mvci_blade_space(s, mesh), loop, count, a, b) > 1e-6))
             continue;
         corners += count;
@@ -455,6 +457,7 @@ static int dgfem_mvci_open_mouths(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh,
             int a = mesh->loops.data[face->loop + i], b = mesh->loops.data[face->loop + (i + 1) % face->count];
             if (c->groups.data[c->number.data[a]] > 1 || c->groups.data[c->number.data[b]] > 1) continue;
             if (dgfem_mvci_edges_find_between(&c->surface, a, b) == DGFEM_NONE) continue;
+            if (dgfem_mvci_edge_is_sealed(s, a, b)) continue;
             dgfem_mvci_edge *edge = dgfem_mvci_edges_between(&s->crossings, a, b);
             if (edge->value != DGFEM_NONE) continue;
             edge->value = dgfem_mvci_add_node_between(mesh, edge->a, edge->b, DGFEM_R(0.5));
@@ -522,8 +525,21 @@ static int dgfem_mvci_fan(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh, dgfem_m
     return 1;
 }
 
-/* In each region none of whose nodes has two groups, a node in the largest face. Returns their number, -1 when out of
-   memory. */
+/* Takes the first `faces` of c->faces that are in a region from the list. Returns how many of the first remain. */
+static int dgfem_mvci_leave_region(const dgfem_mvci_mesh *mesh, dgfem_mvci_cracks *c, int region, int faces) {
+    int kept = 0, left = faces;
+    for (int k = 0; k < c->faces.count; k++) {
+        int first = mesh->loops.data[mesh->faces[c->faces.data[k]].loop];
+        if (k < faces && first < c->number.count && dgfem_mvci_root(c->region.data, c->number.data[first]) == region)
+            left--;
+        else c->faces.data[kept++] = c->faces.data[k];
+    }
+    c->faces.count = kept;
+    return left;
+}
+
+/* In each region none of whose nodes has two groups, a node in the largest face that no sealed element has; a region
+   without such a face does not come apart. Returns the number of nodes, -1 when out of memory. */
 static int dgfem_mvci_open_pockets(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh, dgfem_mvci_cracks *c) {
     int made = 0, faces = c->faces.count;
     for (int n = 0; n < c->nodes.count; n++) {
@@ -537,9 +553,12 @@ static int dgfem_mvci_open_pockets(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh
             const int *loop = dgfem_mvci_face_loop(mesh, c->faces.data[k], &count);
             /* after a fan, its face is no longer of that region's old nodes alone: the fan's node has no number */
             if (loop[0] >= c->number.count || dgfem_mvci_root(c->region.data, c->number.data[loop[0]]) != n) continue;
+            const int *owner = mesh->faces[c->faces.data[k]].owner;
+            if (dgfem_mvci_is_sealed(s, owner[0]) || dgfem_mvci_is_sealed(s, owner[1])) continue;
             dgfem_real area = dgfem_mvci_norm(dgfem_mvci_loop_area(mesh->rest, loop, count));
             if (area > largest) largest = area, best = c->faces.data[k];
         }
+        if (!open && best == DGFEM_NONE) faces = dgfem_mvci_leave_region(mesh, c, n, faces);
         if (best == DGFEM_NONE) continue;
         if (!dgfem_mvci_fan(s, mesh, c, best)) return -1;
         made++;
@@ -564,7 +583,8 @@ static void dgfem_mvci_reverse(int *nodes, int count) {
     }
 }
 
-/* The side of owner[1] becomes a face of its own. 0 when out of memory. */
+/* The side of owner[1] becomes a face of its own. Its triangles keep their order, and the loop its start, so that
+   nothing measured differs by round-off from what it was for owner[1] before. 0 when out of memory. */
 static int dgfem_mvci_part_face(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh, const dgfem_mvci_cracks *c, int face) {
     dgfem_mvci_face old = mesh->faces[face];
     s->buffer.count = 0;
@@ -573,8 +593,8 @@ static int dgfem_mvci_part_face(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh, c
             DGFEM_NONE)
         return 0;
     dgfem_mvci_rename(c, old.owner[1], s->buffer.data, s->buffer.count);
-    dgfem_mvci_reverse(s->buffer.data, old.count);
-    dgfem_mvci_reverse(s->buffer.data + old.count, 3 * old.triangle_count);
+    dgfem_mvci_reverse(s->buffer.data + 1, old.count - 1);
+    for (int t = 0; t < old.triangle_count; t++) dgfem_mvci_reverse(s->buffer.data + old.count + 3 * t + 1, 2);
     int other = dgfem_mvci_add_face(mesh, old.owner[1], DGFEM_NONE, s->buffer.data, old.count, DGFEM_NONE, 1);
     if (other == DGFEM_NONE) return 0;
     int start = dgfem_mvci_append(s->hooks, &mesh->triangles, s->buffer.data + old.count, 3 * old.triangle_count);
@@ -630,15 +650,18 @@ static dgfem_status dgfem_mvci_check_owners(dgfem_mvci_splitter *s, const dgfem_
     return DGFEM_OK;
 }
 
-/* Splits the elements that a blade passes and, where `open`, parts the faces on it; c->faces: those. The mesh is spoilt
-   where it fails. DGFEM_ERROR_DEGENERATE: at s->failed. */
+/* Splits the elements that a blade passes and, where `open`, parts the faces on it; c->faces: those. Marks the elements
+   that the attempt, not those before, has changed. The mesh is spoilt where it fails. DGFEM_ERROR_DEGENERATE: at
+   s->failed. */
 static dgfem_status dgfem_mvci_cut_attempt(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh, dgfem_mvci_blade *blade,
                                            int open, dgfem_mvci_cracks *c) {
     c->faces.count = 0;
     c->nodes_copied = 0;
     c->levels.count = 0;
+    for (int e = 0; e < mesh->element_count; e++) mesh->elements[e].changed = 0;
     if (!dgfem_mvci_select(s, mesh, blade)) return DGFEM_ERROR_MEMORY;
     dgfem_status status = dgfem_mvci_split_selected(s, mesh);
+    if (!status && !open) status = dgfem_mvci_guard_elements(s, mesh);
     if (status || !open) return status;
 
     if (!dgfem_mvci_find_blade_faces(s, mesh, c)) return DGFEM_ERROR_MEMORY;
@@ -663,10 +686,7 @@ static dgfem_status dgfem_mvci_cut_attempt(dgfem_mvci_splitter *s, dgfem_mvci_me
         status = dgfem_mvci_settle_attempt(s, mesh);
         if (status) return status;
     }
-    for (int e = 0; e < mesh->element_count; e++) /* neighbours have got nodes, too */
-        if (mesh->elements[e].changed && mesh->elements[e].face_count && !dgfem_mvci_guard_element(s, mesh, e))
-            return DGFEM_ERROR_MEMORY;
-    if (s->failed.count) return DGFEM_ERROR_DEGENERATE;
-    if (c->faces.count && !dgfem_mvci_part(s, mesh, c)) return DGFEM_ERROR_MEMORY;
-    return DGFEM_OK;
+    status = dgfem_mvci_guard_elements(s, mesh); /* neighbours have got nodes, too */
+    if (!status && c->faces.count && !dgfem_mvci_part(s, mesh, c)) status = DGFEM_ERROR_MEMORY;
+    return status;
 }

@@ -40,17 +40,6 @@ static int dgfem_mvci_blade_set(const dgfem_hooks *hooks, dgfem_mvci_blade *blad
 
 /* ---- attempts ---- */
 
-/* Where an element failed although it stays whole, its neighbours stay whole, too. */
-static void dgfem_mvci_keep_around(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, int element) {
-    int face_count;
-    const int *faces = dgfem_mvci_element_faces(mesh, element, &face_count);
-    if (!s->keep[element]) return;
-    for (int k = 0; k < face_count; k++) {
-        int other = mesh->faces[faces[k] / 2].owner[!(faces[k] & 1)];
-        if (other != DGFEM_NONE) s->keep[other] = 1;
-    }
-}
-
 /* Whether a blade meets anything. Negative when out of memory. */
 static int dgfem_mvci_blade_meets(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, dgfem_mvci_blade *blade,
                                   int open, dgfem_mvci_cracks *cracks) {
@@ -59,18 +48,19 @@ static int dgfem_mvci_blade_meets(dgfem_mvci_splitter *s, const dgfem_mvci_mesh 
     return dgfem_mvci_find_blade_faces(s, mesh, cracks) ? cracks->faces.count > 0 : -1;
 }
 
-/* Repeats attempts until one succeeds: at the latest when all elements around those that failed stay whole. */
+/* Repeats attempts until one succeeds: at the latest when all elements are sealed, for then nothing is changed. */
 static dgfem_status dgfem_mvci_try_cuts(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, dgfem_mvci_blade *blade,
                                         int open, dgfem_mvci_cracks *cracks, dgfem_mvci_mesh **out) {
     for (int attempt = 0;; attempt++) {
         dgfem_mvci_mesh *copy = dgfem_mvci_mesh_copy(mesh);
         dgfem_status status = copy ? dgfem_mvci_cut_attempt(s, copy, blade, open, cracks) : DGFEM_ERROR_MEMORY;
+        for (int e = 0; !status && e < mesh->element_count; e++) copy->elements[e].changed |= mesh->elements[e].changed;
         if (!status && !dgfem_mvci_mesh_compact(copy)) status = DGFEM_ERROR_MEMORY;
         if (!status) *out = copy;
         else dgfem_mvci_mesh_destroy(copy);
-        if (status != DGFEM_ERROR_DEGENERATE || attempt == 50) return status;
-        for (int i = 0; i < s->failed.count; i++) dgfem_mvci_keep_around(s, mesh, s->failed.data[i]);
-        dgfem_mvci_splitter_learn(s, mesh, attempt);
+        if (status != DGFEM_ERROR_DEGENERATE) return status;
+        int learned = dgfem_mvci_splitter_learn(s, attempt);
+        if (learned <= 0) return learned ? DGFEM_ERROR_MEMORY : status;
     }
 }
 
@@ -86,6 +76,7 @@ static dgfem_status dgfem_mvci_mesh_cut(const dgfem_mvci_mesh *mesh, dgfem_mvci_
     if (!meets) meets = dgfem_mvci_blade_meets(&splitter, mesh, blade, open, &cracks);
     if (meets < 0) status = DGFEM_ERROR_MEMORY;
     if (meets > 0) status = dgfem_mvci_try_cuts(&splitter, mesh, blade, open, &cracks, out);
+    if (!status) info->elements_kept += splitter.elements_kept;
     if (*out && !splitter.elements_split && !splitter.nodes_added && !cracks.faces.count) {
         dgfem_mvci_mesh_destroy(*out);
         *out = NULL;

@@ -122,10 +122,12 @@ static int dgfem_mvci_element_triangles(const dgfem_mvci_mesh *mesh, int element
 
 /* ---- measures at rest ---- */
 
-/* Six times the volume of the tetrahedron of a triangle, counter-clockwise from outside, and a point inside. */
+/* Six times the volume of the tetrahedron of a triangle, counter-clockwise from outside, and a point inside. From the
+   triangle's own sides: products of the corners' distances from the point would lose a small triangle in round-off. */
 static dgfem_real dgfem_mvci_tetrahedron(const dgfem_mvci_mesh *mesh, const int nodes[3], dgfem_vec3 centre) {
-    dgfem_vec3 a = dgfem_mvci_sub(mesh->rest[nodes[0]], centre), b = dgfem_mvci_sub(mesh->rest[nodes[1]], centre);
-    return dgfem_mvci_dot(dgfem_mvci_cross(a, b), dgfem_mvci_sub(mesh->rest[nodes[2]], centre));
+    dgfem_vec3 a = mesh->rest[nodes[0]];
+    dgfem_vec3 b = dgfem_mvci_sub(mesh->rest[nodes[1]], a), c = dgfem_mvci_sub(mesh->rest[nodes[2]], a);
+    return dgfem_mvci_dot(dgfem_mvci_cross(b, c), dgfem_mvci_sub(a, centre));
 }
 
 /* Volume, and the centroid of the volume. */

@@ -618,28 +618,6 @@ static int dgfem_mvci_collapse(dgfem_mvci_sliver *s, int element, dgfem_real thi
     return dgfem_mvci_weld(s);
 }
 
-/* Each directed edge of an element's triangles once, and once the other way; like a sphere. */
-static int dgfem_mvci_element_is_closed(dgfem_mvci_sliver *s, int element) {
-    int face_count, corner[3], triangles = 0, nodes = 0;
-    const int *faces = dgfem_mvci_element_faces(s->mesh, element, &face_count);
-    if (!dgfem_mvci_edges_reset(s->hooks, &s->edges, 4 * dgfem_mvci_element_corners(s->mesh, element)))
-        return DGFEM_MVCI_NO_MEMORY;
-    for (int pass = 0; pass < 2; pass++)
-        for (int k = 0; k < face_count; k++)
-            for (int t = 0; t < s->mesh->faces[faces[k] / 2].triangle_count; t++) {
-                dgfem_mvci_triangle(s->mesh, faces[k] / 2, faces[k] & 1, t, corner);
-                triangles += !pass;
-                for (int i = 0; i < 3; i++) {
-                    int a = corner[i], b = corner[(i + 1) % 3];
-                    if (pass && dgfem_mvci_edges_find(&s->edges, b, a) == DGFEM_NONE) return DGFEM_MVCI_REFUSED;
-                    if (pass) continue;
-                    if (!dgfem_mvci_check_edge(&s->edges, a, b)) return DGFEM_MVCI_REFUSED;
-                    nodes += dgfem_mvci_check_edge(&s->edges, a, a);
-                }
-            }
-    return triangles == 2 * nodes - 4 ? DGFEM_MVCI_DONE : DGFEM_MVCI_REFUSED;
-}
-
 /* Queues affected elements that have lost their volume. */
 static int dgfem_mvci_queue_flat(dgfem_mvci_sliver *s) {
     for (int i = 0; i < s->affected.count; i++) {
@@ -676,8 +654,8 @@ static int dgfem_mvci_accept_removal(dgfem_mvci_sliver *s, const dgfem_mvci_mesh
     for (int i = 0; i < s->affected.count; i++) {
         int other = s->affected.data[i];
         if (!s->mesh->elements[other].face_count) continue;
-        int result = dgfem_mvci_element_is_closed(s, other);
-        if (result <= 0) return result;
+        int closed = dgfem_mvci_element_is_closed(s->mesh, other, &s->edges);
+        if (closed <= 0) return closed ? DGFEM_MVCI_NO_MEMORY : DGFEM_MVCI_REFUSED;
         if (!dgfem_mvci_element_is_good(s->mesh, other)) return DGFEM_MVCI_REFUSED;
         dgfem_real now = dgfem_mvci_element_quality(s->mesh, other);
         if (now < DGFEM_R(0.99) * quality && now < DGFEM_R(0.3) * dgfem_mvci_element_quality(before, other))

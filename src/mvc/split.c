@@ -8,8 +8,8 @@
 
         + ----- + ------- +          The faces between are divided for both their elements; the new face closes the
         |       |         |          boundary of the faces above. Where a part is not star-shaped, the attempt is
-        o ----- o         |          dropped, and repeated with less snapping at the element that failed, at last
-        |       |         |          without splitting it. */
+        o ----- o         |          dropped, and repeated with less snapping at the element that failed, then
+        |       |         |          without splitting it, at last with nothing new on any of its edges. */
 
 /* Signed distances of nodes from a blade. Zeroed memory is empty. */
 typedef struct dgfem_mvci_levels {
@@ -18,6 +18,13 @@ typedef struct dgfem_mvci_levels {
     int count, capacity;
 } dgfem_mvci_levels;
 
+/* What is asked of an element, the more the more often it has failed. Stages below DGFEM_MVCI_WHOLE lower the tolerance
+   of its nodes, that before to nothing. */
+enum {
+    DGFEM_MVCI_WHOLE = 5, /* stays whole: it is not split, and its faces are not divided */
+    DGFEM_MVCI_SEALED     /* gets no new node, either; so all elements that share an edge with it stay whole */
+};
+
 /* One attempt, and what earlier ones have learned. */
 typedef struct dgfem_mvci_splitter {
     const dgfem_hooks *hooks;
@@ -25,8 +32,8 @@ typedef struct dgfem_mvci_splitter {
     int current;       /* 1: the plane is meant in the current positions; 0: at rest */
     dgfem_real snap;
     dgfem_real *tolerance; /* [nodes before] part of a crossed edge within which the node counts as on the plane */
-    char *keep;            /* [elements before] stays whole */
-    char *weak;            /* [elements before] was not good before, either */
+    char *stage;           /* [elements before] */
+    const dgfem_mvci_mesh *before;
     int node_count, element_count; /* before the attempt */
     dgfem_mvci_levels levels;
     dgfem_mvci_ints parent;   /* element before the attempt that an element is part of */
@@ -34,7 +41,8 @@ typedef struct dgfem_mvci_splitter {
     dgfem_mvci_ints selected; /* elements to split */
     dgfem_mvci_ints buffer, list, group, root, bound;
     dgfem_mvci_edges crossings, sides;
-    int elements_split, nodes_added;
+    dgfem_mvci_edges sealed; /* edges of elements at the last stage */
+    int elements_split, elements_kept, nodes_added;
 } dgfem_mvci_splitter;
 
 static int dgfem_mvci_sign(dgfem_real x) { return (x > 0) - (x < 0); }
@@ -61,8 +69,7 @@ static void dgfem_mvci_levels_free(const dgfem_hooks *hooks, dgfem_mvci_levels *
 static void dgfem_mvci_splitter_free(dgfem_mvci_splitter *s) {
     const dgfem_hooks *hooks = s->hooks;
     dgfem_mvci_free(hooks, s->tolerance);
-    dgfem_mvci_free(hooks, s->keep);
-    dgfem_mvci_free(hooks, s->weak);
+    dgfem_mvci_free(hooks, s->stage);
     dgfem_mvci_levels_free(hooks, &s->levels);
     dgfem_mvci_free(hooks, s->parent.data);
     dgfem_mvci_free(hooks, s->failed.data);
@@ -74,6 +81,7 @@ static void dgfem_mvci_splitter_free(dgfem_mvci_splitter *s) {
     dgfem_mvci_free(hooks, s->bound.data);
     dgfem_mvci_free(hooks, s->crossings.slots);
     dgfem_mvci_free(hooks, s->sides.slots);
+    dgfem_mvci_free(hooks, s->sealed.slots);
 }
 
 /* For all attempts on a mesh. 0 when out of memory. */
@@ -87,10 +95,10 @@ static int dgfem_mvci_splitter_make(dgfem_mvci_splitter *s, const dgfem_hooks *h
     s->node_count = mesh->node_count;
     s->element_count = mesh->element_count;
     s->tolerance = (dgfem_real *)dgfem_mvci_allocate(s->hooks, (size_t)mesh->node_count, sizeof(dgfem_real));
-    s->keep = (char *)dgfem_mvci_allocate(s->hooks, (size_t)mesh->element_count, 1);
-    s->weak = (char *)dgfem_mvci_allocate(s->hooks, (size_t)mesh->element_count, 1);
+    s->stage = (char *)dgfem_mvci_allocate(s->hooks, (size_t)mesh->element_count, 1);
+    s->before = mesh;
     for (int i = 0; s->tolerance && i < mesh->node_count; i++) s->tolerance[i] = snap;
-    return s->tolerance && s->keep && s->weak;
+    return s->tolerance && s->stage;
 }
 
 static const dgfem_vec3 *dgfem_mvci_blade_space(const dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh) {
@@ -100,6 +108,18 @@ static const dgfem_vec3 *dgfem_mvci_blade_space(const dgfem_mvci_splitter *s, co
 /* Element before the attempt. */
 static int dgfem_mvci_element_before(const dgfem_mvci_splitter *s, int element) {
     return element < s->element_count ? element : s->parent.data[element - s->element_count];
+}
+
+static int dgfem_mvci_stays_whole(const dgfem_mvci_splitter *s, int element) {
+    return s->stage[dgfem_mvci_element_before(s, element)] >= DGFEM_MVCI_WHOLE;
+}
+
+static int dgfem_mvci_is_sealed(const dgfem_mvci_splitter *s, int element) {
+    return s->stage[dgfem_mvci_element_before(s, element)] == DGFEM_MVCI_SEALED;
+}
+
+static int dgfem_mvci_edge_is_sealed(const dgfem_mvci_splitter *s, int a, int b) {
+    return s->sealed.size && dgfem_mvci_edges_find_between(&s->sealed, a, b) != DGFEM_NONE;
 }
 
 static int dgfem_mvci_add_failed(dgfem_mvci_splitter *s, int element) {
@@ -462,22 +482,50 @@ static int dgfem_mvci_split_element(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mes
 
 /* ---- guards ---- */
 
-/* Whether an element's centroid sees all its triangles, from a height that is not just round-off. */
-static int dgfem_mvci_element_is_good(const dgfem_mvci_mesh *mesh, int element) {
+/* Least height of an element's centroid above its triangles, relative to its diameter; not positive where it does not
+   see one of them, or where round-off decides whether it does. */
+static dgfem_real dgfem_mvci_element_height(const dgfem_mvci_mesh *mesh, int element) {
     int face_count, nodes[3];
     const int *faces = dgfem_mvci_element_faces(mesh, element, &face_count);
     dgfem_vec3 centre;
-    dgfem_real diameter, volume = dgfem_mvci_element_measure(mesh, element, &centre);
-    dgfem_real least = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-7);
+    dgfem_real diameter, least = 1, volume = dgfem_mvci_element_measure(mesh, element, &centre);
     if (!(volume > 0)) return 0;
     (void)dgfem_mvci_element_area(mesh, element, &diameter);
     for (int k = 0; k < face_count; k++)
         for (int t = 0; t < mesh->faces[faces[k] / 2].triangle_count; t++) {
             dgfem_mvci_triangle(mesh, faces[k] / 2, faces[k] & 1, t, nodes);
             dgfem_real area = dgfem_mvci_norm(dgfem_mvci_loop_area(mesh->rest, nodes, 3));
-            if (!(dgfem_mvci_tetrahedron(mesh, nodes, centre) > least * diameter * area)) return 0;
+            dgfem_real height = dgfem_mvci_tetrahedron(mesh, nodes, centre) / (diameter * area);
+            if (!(height >= least)) least = height > 0 ? height : 0;
         }
-    return 1;
+    return least > 64 * DGFEM_MVC_EPSILON * (1 + dgfem_mvci_norm(centre) / diameter) ? least : 0;
+}
+
+/* Whether an element's centroid sees all its triangles, from a height that is not just round-off. */
+static int dgfem_mvci_element_is_good(const dgfem_mvci_mesh *mesh, int element) {
+    return dgfem_mvci_element_height(mesh, element) > (DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-7));
+}
+
+/* Whether each directed edge of an element's triangles is there once, and once the other way, and the triangles are as
+   many as on a sphere. Negative when out of memory. */
+static int dgfem_mvci_element_is_closed(const dgfem_mvci_mesh *mesh, int element, dgfem_mvci_edges *edges) {
+    int face_count, corner[3], triangles = 0, nodes = 0;
+    const int *faces = dgfem_mvci_element_faces(mesh, element, &face_count);
+    if (!dgfem_mvci_edges_reset(&mesh->hooks, edges, 4 * dgfem_mvci_element_corners(mesh, element))) return -1;
+    for (int pass = 0; pass < 2; pass++)
+        for (int k = 0; k < face_count; k++)
+            for (int t = 0; t < mesh->faces[faces[k] / 2].triangle_count; t++) {
+                dgfem_mvci_triangle(mesh, faces[k] / 2, faces[k] & 1, t, corner);
+                triangles += !pass;
+                for (int i = 0; i < 3; i++) {
+                    int a = corner[i], b = corner[(i + 1) % 3];
+                    if (pass && dgfem_mvci_edges_find(edges, b, a) == DGFEM_NONE) return 0;
+                    if (pass) continue;
+                    if (!dgfem_mvci_check_edge(edges, a, b)) return 0;
+                    nodes += dgfem_mvci_check_edge(edges, a, a);
+                }
+            }
+    return triangles == 2 * nodes - 4;
 }
 
 /* Triangulates what is new. DGFEM_ERROR_DEGENERATE where elements failed. */
@@ -542,29 +590,86 @@ static dgfem_status dgfem_mvci_split_selected(dgfem_mvci_splitter *s, dgfem_mvci
     return s->failed.count ? DGFEM_ERROR_DEGENERATE : DGFEM_OK;
 }
 
-/* Notes that an element has failed where it is not good, and not just as it was before. 0 when out of memory. */
+/* Notes that an element that the attempt has changed has failed: where it is not closed, or not good; one that was not
+   good before may lose half of what it had. 0 when out of memory. */
 static int dgfem_mvci_guard_element(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, int element) {
-    int before = dgfem_mvci_element_before(s, element);
-    if (dgfem_mvci_element_is_good(mesh, element) || (s->keep[before] && s->weak[before])) return 1;
+    int before = dgfem_mvci_element_before(s, element), closed;
+    if (!mesh->elements[element].changed) return 1; /* then it is what it was, to the last bit */
+    closed = dgfem_mvci_element_is_closed(mesh, element, &s->sides);
+    if (closed < 0) return 0;
+    if (closed) {
+        dgfem_real height;
+        if (dgfem_mvci_element_is_good(mesh, element)) return 1;
+        height = dgfem_mvci_element_height(mesh, element);
+        if (height > 0 && !dgfem_mvci_element_is_good(s->before, before) &&
+            height >= dgfem_mvci_element_height(s->before, before) / 2)
+            return 1;
+    }
     return dgfem_mvci_add_failed(s, element);
 }
 
-/* After a failed attempt: less snapping at the elements that failed, from the fifth attempt on they stay whole. */
-static void dgfem_mvci_splitter_learn(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, int attempt) {
-    for (int i = 0; i < s->failed.count; i++) {
-        int face_count, element = s->failed.data[i];
-        const int *faces = dgfem_mvci_element_faces(mesh, element, &face_count);
-        if (attempt >= 4) s->keep[element] = 1;
-        if (attempt >= 4) s->weak[element] = !dgfem_mvci_element_is_good(mesh, element);
-        for (int k = 0; k < face_count; k++) {
+static dgfem_status dgfem_mvci_guard_elements(dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh) {
+    for (int e = 0; e < mesh->element_count; e++)
+        if (mesh->elements[e].face_count && !dgfem_mvci_guard_element(s, mesh, e)) return DGFEM_ERROR_MEMORY;
+    return s->failed.count ? DGFEM_ERROR_DEGENERATE : DGFEM_OK;
+}
+
+/* ---- learning from a failure ---- */
+
+/* Brings a failed element to its next stage that asks more of it. Returns 0 where there is none. */
+static int dgfem_mvci_raise_element(dgfem_mvci_splitter *s, int element, int least) {
+    static const dgfem_real part[DGFEM_MVCI_WHOLE] = {1, DGFEM_R(0.2), DGFEM_R(0.02), DGFEM_R(0.001), 0};
+    int face_count, stage = s->stage[element], lowered = 0;
+    const int *faces = dgfem_mvci_element_faces(s->before, element, &face_count);
+    if (stage == DGFEM_MVCI_SEALED) return 0;
+    do {
+        stage++;
+        for (int k = 0; k < face_count && stage < DGFEM_MVCI_WHOLE; k++) {
             int count;
-            const int *loop = dgfem_mvci_face_loop(mesh, faces[k] / 2, &count);
-            dgfem_real limit = attempt == 0   ? s->snap / 5
-                               : attempt == 1 ? s->snap / 50
-                               : attempt == 2 ? s->snap / 1000
-                                              : 0;
-            for (int j = 0; j < count; j++)
-                if (s->tolerance[loop[j]] > limit) s->tolerance[loop[j]] = limit;
+            const int *loop = dgfem_mvci_face_loop(s->before, faces[k] / 2, &count);
+            for (int j = 0; j < count; j++) {
+                if (s->tolerance[loop[j]] <= part[stage] * s->snap) continue;
+                s->tolerance[loop[j]] = part[stage] * s->snap;
+                lowered = 1;
+            }
         }
-    }
+    } while (stage < least || (stage < DGFEM_MVCI_WHOLE && !lowered)); /* what changes nothing would fail again */
+    s->stage[element] = (char)stage;
+    return 1;
+}
+
+/* Elements that share an edge with a sealed one come to the stage, at least. 0 when out of memory. */
+static int dgfem_mvci_seal_edges(dgfem_mvci_splitter *s, char stage) {
+    const dgfem_mvci_mesh *mesh = s->before;
+    int corners = 0;
+    for (int e = 0; e < mesh->element_count; e++)
+        if (s->stage[e] == DGFEM_MVCI_SEALED) corners += dgfem_mvci_element_corners(mesh, e);
+    if (!corners) return 1;
+    if (!dgfem_mvci_edges_reset(s->hooks, &s->sealed, corners)) return 0;
+    for (int pass = 0; pass < 2; pass++)
+        for (int f = 0; f < mesh->face_count; f++) {
+            int count, found = 0, sealed = 0;
+            const int *loop = dgfem_mvci_face_loop(mesh, f, &count), *owner = mesh->faces[f].owner;
+            for (int side = 0; side < 2; side++)
+                sealed |= owner[side] != DGFEM_NONE && s->stage[owner[side]] == DGFEM_MVCI_SEALED;
+            for (int i = 0; i < count; i++) {
+                int a = loop[i], b = loop[(i + 1) % count];
+                if (!pass && sealed) dgfem_mvci_edges_between(&s->sealed, a, b)->value = 1;
+                if (pass && !found) found = dgfem_mvci_edges_find_between(&s->sealed, a, b) != DGFEM_NONE;
+            }
+            for (int side = 0; side < 2 && found; side++)
+                if (owner[side] != DGFEM_NONE && s->stage[owner[side]] < stage) s->stage[owner[side]] = stage;
+        }
+    return 1;
+}
+
+/* After a failed attempt. Returns 0 where nothing is left to be asked, which sealed elements rule out, for nothing
+   changes them; negative when out of memory. So the stages rise with each attempt, and attempts come to an end; where
+   they go on for long, stages are left out, and then what is sealed grows by a ring of elements each time. */
+static int dgfem_mvci_splitter_learn(dgfem_mvci_splitter *s, int attempt) {
+    int raised = 0;
+    for (int i = 0; i < s->failed.count; i++)
+        raised |= dgfem_mvci_raise_element(s, s->failed.data[i], attempt < 16 ? 0 : DGFEM_MVCI_WHOLE);
+    if (attempt >= 32 && !dgfem_mvci_seal_edges(s, DGFEM_MVCI_SEALED)) return -1;
+    return dgfem_mvci_seal_edges(s, DGFEM_MVCI_WHOLE) ? raised : -1;
 }
