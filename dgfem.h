@@ -137,8 +137,9 @@
    dgfem_skin_renew. A call that fails, whatever the reason, leaves the body and the skins bit for bit what they were.
 
    A blade that sweeps through a moving body should take the place that its edge had at the last step along with the
-   material, or what moved through between the steps stays glued. A skin gains vertices with every cut, and walls that lie
-   close to each other many: under hundreds of strokes through one place draw dgfem_surface instead.
+   material, or what moved through between the steps stays glued. A skin gains vertices with every cut, and where strokes
+   through one place do not quite meet its walls have cracks and small spikes: under many strokes draw dgfem_surface
+   instead.
 
 
    WHAT IT DOES NOT DO
@@ -1138,14 +1139,16 @@ typedef struct dgfem_skin {
     int *corners;          /* positions in `triangles` at which each vertex appears */
 
     /* What cuts have changed. Vertices keep their index, new ones are appended; a triangle that was split leaves one
-       part in its place, the other parts and the walls of the cut are appended. The arrays are NULL before the first. */
+       part in its place, the other parts and the walls of the cut are appended; of a tiny one on an earlier wall nothing
+       may be left. The arrays are NULL before the first. */
     int original_vertex_count, original_triangle_count; /* as created */
     int cut_count;
     int *parents;              /* two of each new vertex, of lower index, that any attribute can be had from: */
     dgfem_real *parent_weight; /* (1 - weight) * first + weight * second; DGFEM_NONE inside walls: none */
     int *source;               /* [triangle_count] original triangle; DGFEM_NONE for walls */
     int *wall;                 /* [triangle_count] 0; +k, -k: a wall of cut k >= 1 on the side of its normal, or behind */
-    int *weld;                 /* [vertex_count] lowest vertex at the same point of the surface: closed in these */
+    int *weld;                 /* [vertex_count] lowest vertex at the same point of the surface: closed in these,
+                                  but where strokes through a moving body did not quite meet */
     dgfem_vec3 *anchors;       /* [vertex_count] rest position inside the material that a vertex belongs to */
 
     dgfem_embedding *embedding;
@@ -9889,8 +9892,8 @@ static int dgfemi_pivot_is_good(dgfem_real pivot, dgfem_real diagonal) {
 #define DGFEM_V_MUL(a, b) ((a) * (b))
 #define DGFEM_V_FMA(a, b, c) ((a) * (b) + (c))
 #define DGFEM_V_FNMA(a, b, c) ((c) - (a) * (b))
-/* Dense kernels of the sparse Cholesky factorization and of products with blocks, written once: this part is inserted for each instruction set,
-   which simd.c describes by
+/* Dense kernels of the sparse Cholesky factorization and of products with blocks, written once: this part is inserted for
+   each instruction set, which panel.c describes by
 
        DGFEM_PATH(name)                       the name with the instruction set's suffix
        DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
@@ -10471,8 +10474,8 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
 #define DGFEM_V_MUL(a, b) DGFEM_X86_NAME(_mm_, mul)(a, b)
 #define DGFEM_V_FMA(a, b, c) DGFEM_V_ADD(DGFEM_V_MUL(a, b), c)
 #define DGFEM_V_FNMA(a, b, c) DGFEM_V_SUB(c, DGFEM_V_MUL(a, b))
-/* Dense kernels of the sparse Cholesky factorization and of products with blocks, written once: this part is inserted for each instruction set,
-   which simd.c describes by
+/* Dense kernels of the sparse Cholesky factorization and of products with blocks, written once: this part is inserted for
+   each instruction set, which panel.c describes by
 
        DGFEM_PATH(name)                       the name with the instruction set's suffix
        DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
@@ -11047,8 +11050,8 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
 #define DGFEM_V_MUL(a, b) DGFEM_X86_NAME(_mm256_, mul)(a, b)
 #define DGFEM_V_FMA(a, b, c) DGFEM_X86_NAME(_mm256_, fmadd)(a, b, c)
 #define DGFEM_V_FNMA(a, b, c) DGFEM_X86_NAME(_mm256_, fnmadd)(a, b, c)
-/* Dense kernels of the sparse Cholesky factorization and of products with blocks, written once: this part is inserted for each instruction set,
-   which simd.c describes by
+/* Dense kernels of the sparse Cholesky factorization and of products with blocks, written once: this part is inserted for
+   each instruction set, which panel.c describes by
 
        DGFEM_PATH(name)                       the name with the instruction set's suffix
        DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
@@ -11629,8 +11632,8 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
 #define DGFEM_V_MUL(a, b) DGFEM_X86_NAME(_mm512_, mul)(a, b)
 #define DGFEM_V_FMA(a, b, c) DGFEM_X86_NAME(_mm512_, fmadd)(a, b, c)
 #define DGFEM_V_FNMA(a, b, c) DGFEM_X86_NAME(_mm512_, fnmadd)(a, b, c)
-/* Dense kernels of the sparse Cholesky factorization and of products with blocks, written once: this part is inserted for each instruction set,
-   which simd.c describes by
+/* Dense kernels of the sparse Cholesky factorization and of products with blocks, written once: this part is inserted for
+   each instruction set, which panel.c describes by
 
        DGFEM_PATH(name)                       the name with the instruction set's suffix
        DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
@@ -12213,8 +12216,8 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
 #define DGFEM_V_MUL(a, b) DGFEM_NEON_NAME(vmulq)(a, b)
 #define DGFEM_V_FMA(a, b, c) DGFEM_NEON_NAME(vfmaq)(c, a, b)
 #define DGFEM_V_FNMA(a, b, c) DGFEM_NEON_NAME(vfmsq)(c, a, b)
-/* Dense kernels of the sparse Cholesky factorization and of products with blocks, written once: this part is inserted for each instruction set,
-   which simd.c describes by
+/* Dense kernels of the sparse Cholesky factorization and of products with blocks, written once: this part is inserted for
+   each instruction set, which panel.c describes by
 
        DGFEM_PATH(name)                       the name with the instruction set's suffix
        DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
@@ -12789,8 +12792,8 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
 #define DGFEM_V_MUL(a, b) DGFEM_WASM_NAME(mul)(a, b)
 #define DGFEM_V_FMA(a, b, c) DGFEM_V_ADD(DGFEM_V_MUL(a, b), c)
 #define DGFEM_V_FNMA(a, b, c) DGFEM_V_SUB(c, DGFEM_V_MUL(a, b))
-/* Dense kernels of the sparse Cholesky factorization and of products with blocks, written once: this part is inserted for each instruction set,
-   which simd.c describes by
+/* Dense kernels of the sparse Cholesky factorization and of products with blocks, written once: this part is inserted for
+   each instruction set, which panel.c describes by
 
        DGFEM_PATH(name)                       the name with the instruction set's suffix
        DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
@@ -23985,13 +23988,13 @@ static int dgfemi_skin_list_elements(dgfemi_skin_cutter *c) {
     return 1;
 }
 
-/* A copy of the skin, cut by the blade, the `last` of those that the body was cut by, or not; `body` is the body after its elements were. `weights` are those of the skin
-   before all blades, of which many can be kept; NULL where another blade follows, and the copy can do nothing but be
-   cut again. element: of `before`, the body before all blades, that carried each vertex; those of new vertices are
-   appended. On failure nothing is made. */
+/* A copy of the skin, cut by the blade, the `last` of those that the body was cut by, or not; `body` is the body after all
+   its elements were, `before` the one before. `weights` are those of the skin before all blades, of which many can be
+   kept; NULL where another blade follows, and the copy can do nothing but be cut again. element: of `before`, that
+   carried each vertex; those of new vertices are appended. On failure nothing is made. */
 static dgfem_status dgfemi_skin_cut(const dgfem_skin *skin, const dgfem_body *body, const dgfem_body *before,
-                                    const dgfemi_blade *blade, int last, const dgfem_embedding *weights, dgfemi_ints *element,
-                                    dgfem_skin **out) {
+                                    const dgfemi_blade *blade, int last, const dgfem_embedding *weights,
+                                    dgfemi_ints *element, dgfem_skin **out) {
     dgfemi_skin_cutter c;
     dgfem_status status;
     memset(&c, 0, sizeof c);

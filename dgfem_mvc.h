@@ -119,6 +119,8 @@
    - A step is as stable as semi-implicit Euler: it damps a motion of angular frequency w by about dt w^2 / 2 of its
      amplitude per unit of time. Very large strains and inverted elements recover, but with dt too long for them they
      jump about.
+   - An element that no split leaves star-shaped stays whole, and holds together what a cut should part:
+     dgfem_mvc_cut_info.elements_kept tells. Such elements are very flat or not convex; many snapped cuts make some.
    - Cuts make small elements. Those cost accuracy and condition; `snap` and remove_slivers keep most of them away.
 
 
@@ -409,7 +411,8 @@ typedef void (*dgfem_mvc_new_piece_fn)(void *user, const dgfem_mvc *body, int pi
 typedef struct dgfem_mvc_cut_desc {
     unsigned cookie;
     int current;        /* 0: the blade is meant at rest; 1 (default): in the current positions */
-    dgfem_real snap;    /* a node nearer to the blade than this part of a crossed edge counts as on it; default 0.05 */
+    dgfem_real snap;    /* a node nearer to the blade than this part of a crossed edge counts as on it; default 0.05,
+                           at least 1e-6 (1e-4 in float) is taken */
     int remove_slivers; /* 1 (default): flat and needle-like elements that the cut leaves are removed */
     dgfem_real quality; /* elements are flat or needles where 3 V / (surface * diameter) is below; default 0.02 */
     dgfem_mvc_new_piece_fn new_piece; /* or NULL */
@@ -451,7 +454,8 @@ DGFEM_API dgfem_status dgfem_mvc_cut_polygon(dgfem_mvc *body, dgfem_points_in po
                                              dgfem_mvc_cut_info *info);
 
 /* Cuts along triangles (three vertex indices each), one after the other: a surface, or what a moving edge has swept.
-   Triangles without area cut nothing. Nodes are not snapped, whatever desc says, for the cuts must meet. */
+   Triangles without area cut nothing. Nodes are snapped by the least that desc.snap allows, whatever it says, for the
+   cuts must meet. */
 DGFEM_API dgfem_status dgfem_mvc_cut_surface(dgfem_mvc *body, dgfem_points_in vertices, const int *triangles,
                                              int triangle_count, const dgfem_mvc_cut_desc *desc,
                                              dgfem_mvc_cut_info *info);
@@ -4105,6 +4109,13 @@ static dgfem_status dgfem_mvci_body_accept_mesh(dgfem_mvc *body, dgfem_mvci_mesh
         o ----- o         |          dropped, and repeated with less snapping at the element that failed, then
         |       |         |          without splitting it, at last with nothing new on any of its edges. */
 
+/* The least snapping: what a crossing nearer to a node than this part of its edge cuts off is too flat to be a part. */
+#if DGFEM_REAL_IS_FLOAT
+#define DGFEM_MVC_TIE 1e-4
+#else
+#define DGFEM_MVC_TIE 1e-6
+#endif
+
 /* Signed distances of nodes from a blade. Zeroed memory is empty. */
 typedef struct dgfem_mvci_levels {
     dgfem_real *value;
@@ -4113,7 +4124,7 @@ typedef struct dgfem_mvci_levels {
 } dgfem_mvci_levels;
 
 /* What is asked of an element, the more the more often it has failed. Stages below DGFEM_MVCI_WHOLE lower the tolerance
-   of its nodes, that before to nothing. */
+   of its nodes, the last of them to the least. */
 enum {
     DGFEM_MVCI_WHOLE = 5, /* stays whole: it is not split, and its faces are not divided */
     DGFEM_MVCI_SEALED     /* gets no new node, either; so all elements that share an edge with it stay whole */
@@ -4185,13 +4196,13 @@ static int dgfem_mvci_splitter_make(dgfem_mvci_splitter *s, const dgfem_hooks *h
     s->hooks = hooks;
     s->plane = plane;
     s->current = current;
-    s->snap = snap;
+    s->snap = dgfem_mvci_max(snap, (dgfem_real)DGFEM_MVC_TIE);
     s->node_count = mesh->node_count;
     s->element_count = mesh->element_count;
     s->tolerance = (dgfem_real *)dgfem_mvci_allocate(s->hooks, (size_t)mesh->node_count, sizeof(dgfem_real));
     s->stage = (char *)dgfem_mvci_allocate(s->hooks, (size_t)mesh->element_count, 1);
     s->before = mesh;
-    for (int i = 0; s->tolerance && i < mesh->node_count; i++) s->tolerance[i] = snap;
+    for (int i = 0; s->tolerance && i < mesh->node_count; i++) s->tolerance[i] = s->snap;
     return s->tolerance && s->stage;
 }
 
@@ -4712,7 +4723,7 @@ static dgfem_status dgfem_mvci_guard_elements(dgfem_mvci_splitter *s, const dgfe
 
 /* Brings a failed element to its next stage that asks more of it. Returns 0 where there is none. */
 static int dgfem_mvci_raise_element(dgfem_mvci_splitter *s, int element, int least) {
-    static const dgfem_real part[DGFEM_MVCI_WHOLE] = {1, DGFEM_R(0.2), DGFEM_R(0.02), DGFEM_R(0.001), 0};
+    static const dgfem_real part[DGFEM_MVCI_WHOLE] = {1, DGFEM_R(0.2), DGFEM_R(0.02), DGFEM_R(0.005), 0};
     int face_count, stage = s->stage[element], lowered = 0;
     const int *faces = dgfem_mvci_element_faces(s->before, element, &face_count);
     if (stage == DGFEM_MVCI_SEALED) return 0;
@@ -4721,9 +4732,10 @@ static int dgfem_mvci_raise_element(dgfem_mvci_splitter *s, int element, int lea
         for (int k = 0; k < face_count && stage < DGFEM_MVCI_WHOLE; k++) {
             int count;
             const int *loop = dgfem_mvci_face_loop(s->before, faces[k] / 2, &count);
+            dgfem_real limit = dgfem_mvci_max(part[stage] * s->snap, (dgfem_real)DGFEM_MVC_TIE);
             for (int j = 0; j < count; j++) {
-                if (s->tolerance[loop[j]] <= part[stage] * s->snap) continue;
-                s->tolerance[loop[j]] = part[stage] * s->snap;
+                if (s->tolerance[loop[j]] <= limit) continue;
+                s->tolerance[loop[j]] = limit;
                 lowered = 1;
             }
         }
@@ -6648,7 +6660,7 @@ DGFEM_API dgfem_status dgfem_mvc_cut_surface(dgfem_mvc *body, dgfem_points_in ve
             return dgfem_mvci_fail(&body->hooks, DGFEM_ERROR_INDEX, "cut: triangle %d has the vertex %d", i / 3,
                                    triangles[i]);
     dgfem_mvci_job job = dgfem_mvci_job_make(body, desc);
-    job.snap = 0; /* else cuts along neighbouring triangles would miss each other */
+    job.snap = 0; /* the least: else cuts along neighbouring triangles would miss each other */
     for (int t = 0; !status && t < triangle_count; t++) {
         dgfem_vec3 corner[3];
         for (int i = 0; i < 3; i++) corner[i] = dgfem_mvci_read_point(&vertices, triangles[3 * t + i]);

@@ -137,8 +137,9 @@
    dgfem_skin_renew. A call that fails, whatever the reason, leaves the body and the skins bit for bit what they were.
 
    A blade that sweeps through a moving body should take the place that its edge had at the last step along with the
-   material, or what moved through between the steps stays glued. A skin gains vertices with every cut, and walls that lie
-   close to each other many: under hundreds of strokes through one place draw dgfem_surface instead.
+   material, or what moved through between the steps stays glued. A skin gains vertices with every cut, and where strokes
+   through one place do not quite meet its walls have cracks and small spikes: under many strokes draw dgfem_surface
+   instead.
 
 
    WHAT IT DOES NOT DO

@@ -119,6 +119,8 @@
    - A step is as stable as semi-implicit Euler: it damps a motion of angular frequency w by about dt w^2 / 2 of its
      amplitude per unit of time. Very large strains and inverted elements recover, but with dt too long for them they
      jump about.
+   - An element that no split leaves star-shaped stays whole, and holds together what a cut should part:
+     dgfem_mvc_cut_info.elements_kept tells. Such elements are very flat or not convex; many snapped cuts make some.
    - Cuts make small elements. Those cost accuracy and condition; `snap` and remove_slivers keep most of them away.
 
 

@@ -876,14 +876,16 @@ typedef struct dgfem_skin {
     int *corners;          /* positions in `triangles` at which each vertex appears */
 
     /* What cuts have changed. Vertices keep their index, new ones are appended; a triangle that was split leaves one
-       part in its place, the other parts and the walls of the cut are appended. The arrays are NULL before the first. */
+       part in its place, the other parts and the walls of the cut are appended; of a tiny one on an earlier wall nothing
+       may be left. The arrays are NULL before the first. */
     int original_vertex_count, original_triangle_count; /* as created */
     int cut_count;
     int *parents;              /* two of each new vertex, of lower index, that any attribute can be had from: */
     dgfem_real *parent_weight; /* (1 - weight) * first + weight * second; DGFEM_NONE inside walls: none */
     int *source;               /* [triangle_count] original triangle; DGFEM_NONE for walls */
     int *wall;                 /* [triangle_count] 0; +k, -k: a wall of cut k >= 1 on the side of its normal, or behind */
-    int *weld;                 /* [vertex_count] lowest vertex at the same point of the surface: closed in these */
+    int *weld;                 /* [vertex_count] lowest vertex at the same point of the surface: closed in these,
+                                  but where strokes through a moving body did not quite meet */
     dgfem_vec3 *anchors;       /* [vertex_count] rest position inside the material that a vertex belongs to */
 
     dgfem_embedding *embedding;

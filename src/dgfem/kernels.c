@@ -1,5 +1,5 @@
-/* Dense kernels of the sparse Cholesky factorization and of products with blocks, written once: this part is inserted for each instruction set,
-   which simd.c describes by
+/* Dense kernels of the sparse Cholesky factorization and of products with blocks, written once: this part is inserted for
+   each instruction set, which panel.c describes by
 
        DGFEM_PATH(name)                       the name with the instruction set's suffix
        DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number

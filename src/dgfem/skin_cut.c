@@ -516,13 +516,13 @@ static int dgfemi_skin_list_elements(dgfemi_skin_cutter *c) {
     return 1;
 }
 
-/* A copy of the skin, cut by the blade, the `last` of those that the body was cut by, or not; `body` is the body after its elements were. `weights` are those of the skin
-   before all blades, of which many can be kept; NULL where another blade follows, and the copy can do nothing but be
-   cut again. element: of `before`, the body before all blades, that carried each vertex; those of new vertices are
-   appended. On failure nothing is made. */
+/* A copy of the skin, cut by the blade, the `last` of those that the body was cut by, or not; `body` is the body after all
+   its elements were, `before` the one before. `weights` are those of the skin before all blades, of which many can be
+   kept; NULL where another blade follows, and the copy can do nothing but be cut again. element: of `before`, that
+   carried each vertex; those of new vertices are appended. On failure nothing is made. */
 static dgfem_status dgfemi_skin_cut(const dgfem_skin *skin, const dgfem_body *body, const dgfem_body *before,
-                                    const dgfemi_blade *blade, int last, const dgfem_embedding *weights, dgfemi_ints *element,
-                                    dgfem_skin **out) {
+                                    const dgfemi_blade *blade, int last, const dgfem_embedding *weights,
+                                    dgfemi_ints *element, dgfem_skin **out) {
     dgfemi_skin_cutter c;
     dgfem_status status;
     memset(&c, 0, sizeof c);

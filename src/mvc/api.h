@@ -251,7 +251,8 @@ typedef void (*dgfem_mvc_new_piece_fn)(void *user, const dgfem_mvc *body, int pi
 typedef struct dgfem_mvc_cut_desc {
     unsigned cookie;
     int current;        /* 0: the blade is meant at rest; 1 (default): in the current positions */
-    dgfem_real snap;    /* a node nearer to the blade than this part of a crossed edge counts as on it; default 0.05 */
+    dgfem_real snap;    /* a node nearer to the blade than this part of a crossed edge counts as on it; default 0.05,
+                           at least 1e-6 (1e-4 in float) is taken */
     int remove_slivers; /* 1 (default): flat and needle-like elements that the cut leaves are removed */
     dgfem_real quality; /* elements are flat or needles where 3 V / (surface * diameter) is below; default 0.02 */
     dgfem_mvc_new_piece_fn new_piece; /* or NULL */
@@ -293,7 +294,8 @@ DGFEM_API dgfem_status dgfem_mvc_cut_polygon(dgfem_mvc *body, dgfem_points_in po
                                              dgfem_mvc_cut_info *info);
 
 /* Cuts along triangles (three vertex indices each), one after the other: a surface, or what a moving edge has swept.
-   Triangles without area cut nothing. Nodes are not snapped, whatever desc says, for the cuts must meet. */
+   Triangles without area cut nothing. Nodes are snapped by the least that desc.snap allows, whatever it says, for the
+   cuts must meet. */
 DGFEM_API dgfem_status dgfem_mvc_cut_surface(dgfem_mvc *body, dgfem_points_in vertices, const int *triangles,
                                              int triangle_count, const dgfem_mvc_cut_desc *desc,
                                              dgfem_mvc_cut_info *info);

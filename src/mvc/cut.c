@@ -431,7 +431,7 @@ DGFEM_API dgfem_status dgfem_mvc_cut_surface(dgfem_mvc *body, dgfem_points_in ve
             return dgfem_mvci_fail(&body->hooks, DGFEM_ERROR_INDEX, "cut: triangle %d has the vertex %d", i / 3,
                                    triangles[i]);
     dgfem_mvci_job job = dgfem_mvci_job_make(body, desc);
-    job.snap = 0; /* else cuts along neighbouring triangles would miss each other */
+    job.snap = 0; /* the least: else cuts along neighbouring triangles would miss each other */
     for (int t = 0; !status && t < triangle_count; t++) {
         dgfem_vec3 corner[3];
         for (int i = 0; i < 3; i++) corner[i] = dgfem_mvci_read_point(&vertices, triangles[3 * t + i]);

@@ -11,6 +11,13 @@
         o ----- o         |          dropped, and repeated with less snapping at the element that failed, then
         |       |         |          without splitting it, at last with nothing new on any of its edges. */
 
+/* The least snapping: what a crossing nearer to a node than this part of its edge cuts off is too flat to be a part. */
+#if DGFEM_REAL_IS_FLOAT
+#define DGFEM_MVC_TIE 1e-4
+#else
+#define DGFEM_MVC_TIE 1e-6
+#endif
+
 /* Signed distances of nodes from a blade. Zeroed memory is empty. */
 typedef struct dgfem_mvci_levels {
     dgfem_real *value;
@@ -19,7 +26,7 @@ typedef struct dgfem_mvci_levels {
 } dgfem_mvci_levels;
 
 /* What is asked of an element, the more the more often it has failed. Stages below DGFEM_MVCI_WHOLE lower the tolerance
-   of its nodes, that before to nothing. */
+   of its nodes, the last of them to the least. */
 enum {
     DGFEM_MVCI_WHOLE = 5, /* stays whole: it is not split, and its faces are not divided */
     DGFEM_MVCI_SEALED     /* gets no new node, either; so all elements that share an edge with it stay whole */
@@ -91,13 +98,13 @@ static int dgfem_mvci_splitter_make(dgfem_mvci_splitter *s, const dgfem_hooks *h
     s->hooks = hooks;
     s->plane = plane;
     s->current = current;
-    s->snap = snap;
+    s->snap = dgfem_mvci_max(snap, (dgfem_real)DGFEM_MVC_TIE);
     s->node_count = mesh->node_count;
     s->element_count = mesh->element_count;
     s->tolerance = (dgfem_real *)dgfem_mvci_allocate(s->hooks, (size_t)mesh->node_count, sizeof(dgfem_real));
     s->stage = (char *)dgfem_mvci_allocate(s->hooks, (size_t)mesh->element_count, 1);
     s->before = mesh;
-    for (int i = 0; s->tolerance && i < mesh->node_count; i++) s->tolerance[i] = snap;
+    for (int i = 0; s->tolerance && i < mesh->node_count; i++) s->tolerance[i] = s->snap;
     return s->tolerance && s->stage;
 }
 
@@ -618,7 +625,7 @@ static dgfem_status dgfem_mvci_guard_elements(dgfem_mvci_splitter *s, const dgfe
 
 /* Brings a failed element to its next stage that asks more of it. Returns 0 where there is none. */
 static int dgfem_mvci_raise_element(dgfem_mvci_splitter *s, int element, int least) {
-    static const dgfem_real part[DGFEM_MVCI_WHOLE] = {1, DGFEM_R(0.2), DGFEM_R(0.02), DGFEM_R(0.001), 0};
+    static const dgfem_real part[DGFEM_MVCI_WHOLE] = {1, DGFEM_R(0.2), DGFEM_R(0.02), DGFEM_R(0.005), 0};
     int face_count, stage = s->stage[element], lowered = 0;
     const int *faces = dgfem_mvci_element_faces(s->before, element, &face_count);
     if (stage == DGFEM_MVCI_SEALED) return 0;
@@ -627,9 +634,10 @@ static int dgfem_mvci_raise_element(dgfem_mvci_splitter *s, int element, int lea
         for (int k = 0; k < face_count && stage < DGFEM_MVCI_WHOLE; k++) {
             int count;
             const int *loop = dgfem_mvci_face_loop(s->before, faces[k] / 2, &count);
+            dgfem_real limit = dgfem_mvci_max(part[stage] * s->snap, (dgfem_real)DGFEM_MVC_TIE);
             for (int j = 0; j < count; j++) {
-                if (s->tolerance[loop[j]] <= part[stage] * s->snap) continue;
-                s->tolerance[loop[j]] = part[stage] * s->snap;
+                if (s->tolerance[loop[j]] <= limit) continue;
+                s->tolerance[loop[j]] = limit;
                 lowered = 1;
             }
         }
