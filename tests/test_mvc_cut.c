@@ -688,7 +688,7 @@ static dgfem_status random_cut(check_random *random, dgfem_mvc *body, int *remov
 /* Planes, polygons and surfaces, a third of them through nodes on purpose: no failure, no lost volume. */
 static void test_random_cuts(void **state) {
     (void)state;
-    int wanted = check_long() ? (DGFEM_REAL_IS_FLOAT ? 2000 : 10000) : 60, cuts = 0, removed = 0, most = 0;
+    int wanted = check_long() ? (DGFEM_REAL_IS_FLOAT ? 2000 : 10000) : DGFEM_REAL_IS_FLOAT ? 20 : 60, cuts = 0, removed = 0, most = 0;
     double worst = 0, tolerance = DGFEM_REAL_IS_FLOAT ? 1e-4 : 1e-10;
     for (int run = 0; cuts < wanted; run++) {
         check_random random;
