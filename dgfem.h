@@ -22953,7 +22953,7 @@ static dgfem_real dgfemi_skin_rest_of(const dgfemi_skin_cutter *c, dgfem_vec3 x,
         if (distance <= 1) distance = dgfemi_locate_in(mesh, e, rest).distance / mesh->elements[e].radius;
         if (smallest < 0 || distance < smallest) smallest = distance, *out = rest;
     }
-    return smallest;
+    return smallest < 0 ? (dgfem_real)HUGE_VAL : smallest;
 }
 
 /* Gives the points of the cross-section, which segments join to chains, the layer that most of a chain's points are in:
@@ -23018,6 +23018,33 @@ static int dgfemi_skin_find_segments(dgfemi_skin_cutter *c) {
         if (from == DGFEM_NONE || to == DGFEM_NONE || !dgfemi_segment_push(c->hooks, &c->segments, from, to)) return 0;
     }
     return 1;
+}
+
+static int dgfemi_skin_wind(const dgfemi_blade *blade, dgfem_vec3 from, dgfem_vec3 to, const double *q) {
+    double a[2], b[2];
+    dgfemi_blade_project(blade, from, a), dgfemi_blade_project(blade, to, b);
+    return dgfemi_edge_winding(a, b, q);
+}
+
+/* How often the whole cross-section, slit or not, winds round a point of the plane: 0 outside the body. */
+static int dgfemi_skin_section_winding(const dgfemi_skin_cutter *c, dgfem_vec3 x) {
+    double q[2];
+    int winding = 0;
+    dgfemi_blade_project(c->blade, x, q);
+    for (int i = 0; i < c->part_count; i++) {
+        const dgfemi_skin_part *part = &c->parts[i];
+        int v[3], a, b;
+        dgfem_vec3 from, to;
+        for (int k = 0; part->side == DGFEMI_ABOVE && k < 3; k++)
+            if (dgfemi_skin_part_edge(c, part, k, &a, &b) && dgfemi_skin_plane_edge(c, a, b)->flags & DGFEMI_BELOW)
+                winding += dgfemi_skin_wind(c->blade, c->points[a].world, c->points[b].world, q);
+        if (!dgfemi_skin_turn(c, part->corner, v)) continue;
+        dgfemi_skin_chord(c, v, &from, &to); /* with v[0], or else v[2], on its left */
+        if (dgfemi_skin_sign(c, dgfemi_skin_sign(c, v[0]) ? v[0] : v[2]) > 0)
+            winding += dgfemi_skin_wind(c->blade, from, to, q);
+        else winding += dgfemi_skin_wind(c->blade, to, from, q);
+    }
+    return winding;
 }
 
 /* ---- the polygon's boundary inside the body ---- */
@@ -23132,6 +23159,7 @@ static int dgfemi_skin_join_tips(dgfemi_skin_cutter *c, const dgfemi_tip *tips, 
         depth--;
         ahead = last->leaves == 1; /* the way goes from where the slit leaves the polygon */
         between = (int)tip->at - (int)last->at + (tip < last ? corners : 0);
+        if (between > corners) between = corners;
         if (!dgfemi_skin_follow_polygon(c, ahead ? last->cap : tip->cap, ahead ? tip->cap : last->cap,
                                         ahead ? (int)last->at + 1 : (int)tip->at + corners, between, ahead ? 1 : -1,
                                         tip->layer, c->caps[tip->cap].element))
@@ -23161,6 +23189,7 @@ static int dgfemi_skin_find_tips(const dgfemi_skin_cutter *c, int *balance, dgfe
 /* Where the polygon's boundary never meets the skin of a layer, the whole polygon lies inside or outside. met [layers]:
    1 for the others. 1 on success. */
 static int dgfemi_skin_add_whole_polygons(dgfemi_skin_cutter *c, const char *met) {
+    if (dgfemi_skin_section_winding(c, c->blade->polygon[0]) <= 0) return 1;
     for (int e = 0, next = 0; e < c->before->mesh->element_count; e++) {
         dgfem_vec3 rest;
         if (c->layer[e] != next) continue; /* layers are numbered in the order of their first elements */
@@ -25117,7 +25146,7 @@ static dgfem_status dgfemi_check_cut(const dgfem_body *body, const dgfem_cut_des
 /* A skin cut by all blades in turn; *out is new. */
 static dgfem_status dgfemi_cut_skin(const dgfem_skin *skin, const dgfem_body *body, const dgfem_body *next,
                                     const dgfemi_blade *blades, int count, dgfem_skin **out) {
-    const dgfem_hooks *hooks = &next->hooks;
+    const dgfem_hooks *hooks = &skin->hooks;
     dgfem_status status = DGFEM_OK;
     dgfem_skin *last = NULL;
     dgfemi_ints element;

@@ -741,7 +741,7 @@ static dgfem_status dgfemi_check_cut(const dgfem_body *body, const dgfem_cut_des
 /* A skin cut by all blades in turn; *out is new. */
 static dgfem_status dgfemi_cut_skin(const dgfem_skin *skin, const dgfem_body *body, const dgfem_body *next,
                                     const dgfemi_blade *blades, int count, dgfem_skin **out) {
-    const dgfem_hooks *hooks = &next->hooks;
+    const dgfem_hooks *hooks = &skin->hooks;
     dgfem_status status = DGFEM_OK;
     dgfem_skin *last = NULL;
     dgfemi_ints element;

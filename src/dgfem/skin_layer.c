@@ -81,7 +81,7 @@ static dgfem_real dgfemi_skin_rest_of(const dgfemi_skin_cutter *c, dgfem_vec3 x,
         if (distance <= 1) distance = dgfemi_locate_in(mesh, e, rest).distance / mesh->elements[e].radius;
         if (smallest < 0 || distance < smallest) smallest = distance, *out = rest;
     }
-    return smallest;
+    return smallest < 0 ? (dgfem_real)HUGE_VAL : smallest;
 }
 
 /* Gives the points of the cross-section, which segments join to chains, the layer that most of a chain's points are in:
