@@ -22920,40 +22920,49 @@ static int dgfemi_skin_find_layers(dgfemi_skin_cutter *c) {
     return stack && c->layer;
 }
 
-/* Inverts an element's map by Newton's method: the material point that it takes to x. */
-static dgfem_vec3 dgfemi_skin_invert(const dgfem_body *body, int element, dgfem_vec3 x) {
-    dgfem_vec3 rest = body->mesh->elements[element].centre;
+/* Inverts an element's map by Newton's method: the material point that it takes to x. 0 where that does not converge. */
+static int dgfemi_skin_invert(const dgfem_body *body, int element, dgfem_vec3 x, dgfem_vec3 *rest) {
+    const dgfem_element *e = &body->mesh->elements[element];
+    dgfem_vec3 r;
+    *rest = e->centre;
     for (int step = 0; step < (body->degree[element] == 1 ? 1 : 12); step++) {
-        dgfem_mat3 f = dgfemi_gradient(body, element, rest);
+        dgfem_mat3 f = dgfemi_gradient(body, element, *rest);
         dgfem_vec3 c0 = dgfemi_column(&f, 0), c1 = dgfemi_column(&f, 1), c2 = dgfemi_column(&f, 2);
-        dgfem_vec3 r = dgfemi_sub(x, dgfemi_add(rest, dgfemi_evaluate(body, body->displacement, element, rest)));
         dgfem_real determinant = dgfemi_determinant(&f);
-        if (!(dgfemi_abs(determinant) > 0)) break;
-        rest = dgfemi_add(rest, dgfemi_scale(1 / determinant, /* Cramer's rule */
-                                             dgfemi_vec3(dgfemi_dot(r, dgfemi_cross(c1, c2)),
-                                                         dgfemi_dot(c0, dgfemi_cross(r, c2)),
-                                                         dgfemi_dot(c0, dgfemi_cross(c1, r)))));
+        r = dgfemi_sub(x, dgfemi_add(*rest, dgfemi_evaluate(body, body->displacement, element, *rest)));
+        if (!(dgfemi_abs(determinant) > 0)) return 0;
+        *rest = dgfemi_add(*rest, dgfemi_scale(1 / determinant, /* Cramer's rule */
+                                               dgfemi_vec3(dgfemi_dot(r, dgfemi_cross(c1, c2)),
+                                                           dgfemi_dot(c0, dgfemi_cross(r, c2)),
+                                                           dgfemi_dot(c0, dgfemi_cross(c1, r)))));
     }
-    return rest;
+    r = dgfemi_sub(x, dgfemi_add(*rest, dgfemi_evaluate(body, body->displacement, element, *rest)));
+    return dgfemi_norm(r) <= DGFEM_R(1e-3) * (e->radius + dgfemi_distance(*rest, e->centre));
 }
 
-/* The material point of a layer that is now at x, or which comes nearest to an element that would be; DGFEM_NONE: of all
-   layers. Returns how far it lies outside its element, in radii of it. */
-static dgfem_real dgfemi_skin_rest_of(const dgfemi_skin_cutter *c, dgfem_vec3 x, int layer, dgfem_vec3 *out) {
+/* A corner of the polygon that lies farther than this outside every element of a layer, in radii, is left out: there the
+   slit does not close, and the polygon may be as large as it likes. */
+#define DGFEM_CORNER_REACH DGFEM_R(0.25)
+
+/* The material point of a layer (DGFEM_NONE: of all layers) that is now at x, or which an element's map would take there
+   whose outside it is nearest to; and that element. Returns how far outside it lies, in radii of the element, where that
+   is at most DGFEM_CORNER_REACH, else something larger. */
+static dgfem_real dgfemi_skin_rest_of(const dgfemi_skin_cutter *c, dgfem_vec3 x, int layer, dgfem_vec3 *out,
+                                      int *element) {
     const dgfem_mesh *mesh = c->before->mesh;
-    dgfem_real smallest = -1;
-    *out = x;
+    dgfem_real smallest = (dgfem_real)HUGE_VAL;
+    *out = x, *element = DGFEM_NONE;
     for (int e = 0; e < mesh->element_count; e++) {
         dgfem_vec3 rest;
         dgfem_real distance;
         if (layer == DGFEM_NONE ? c->layer[e] == DGFEM_NONE : c->layer[e] != layer) continue;
-        rest = dgfemi_skin_invert(c->before, e, x);
+        if (!dgfemi_skin_invert(c->before, e, x, &rest)) continue;
         distance = dgfemi_distance(rest, mesh->elements[e].centre) / mesh->elements[e].radius;
-        if (!(distance >= 0) || (smallest >= 0 && distance > smallest && distance > 1)) continue;
-        if (distance <= 1) distance = dgfemi_locate_in(mesh, e, rest).distance / mesh->elements[e].radius;
-        if (smallest < 0 || distance < smallest) smallest = distance, *out = rest;
+        if (distance <= 1 + DGFEM_CORNER_REACH)
+            distance = dgfemi_locate_in(mesh, e, rest).distance / mesh->elements[e].radius;
+        if (distance < smallest) smallest = distance, *out = rest, *element = e;
     }
-    return smallest < 0 ? (dgfem_real)HUGE_VAL : smallest;
+    return smallest;
 }
 
 /* Gives the points of the cross-section, which segments join to chains, the layer that most of a chain's points are in:
@@ -23091,19 +23100,15 @@ static double dgfemi_blade_place(const dgfemi_blade *blade, int clockwise, dgfem
     return at;
 }
 
-/* A corner of the polygon that lies farther than this outside every element of a layer, in radii, is left out: there the
-   slit does not close, and the polygon may be as large as it likes. */
-#define DGFEM_CORNER_REACH DGFEM_R(0.25)
-
 /* Appends segments along the polygon's boundary from a cap point past corners first, first + step, .. to another;
-   without these two, a whole round. `element`: any of the layer. 1 on success. */
+   without these two, a whole round. 1 on success. */
 static int dgfemi_skin_follow_polygon(dgfemi_skin_cutter *c, int from, int to, int first, int corners, int step,
-                                      int layer, int element) {
+                                      int layer) {
     int clockwise = dgfemi_blade_is_clockwise(c->blade);
     for (int i = 0; i < corners; i++) {
         dgfem_vec3 x = dgfemi_blade_corner(c->blade, clockwise, first + i * step), rest;
-        int cap;
-        if (dgfemi_skin_rest_of(c, x, layer, &rest) > DGFEM_CORNER_REACH) continue;
+        int cap, element;
+        if (dgfemi_skin_rest_of(c, x, layer, &rest, &element) > DGFEM_CORNER_REACH) continue;
         cap = dgfemi_skin_add_cap(c, DGFEM_NONE, DGFEM_NONE, DGFEM_NONE, x, rest, element, layer);
         if (cap == DGFEM_NONE || (from != DGFEM_NONE && !dgfemi_segment_push(c->hooks, &c->segments, from, cap)))
             return 0;
@@ -23162,7 +23167,7 @@ static int dgfemi_skin_join_tips(dgfemi_skin_cutter *c, const dgfemi_tip *tips, 
         if (between > corners) between = corners;
         if (!dgfemi_skin_follow_polygon(c, ahead ? last->cap : tip->cap, ahead ? tip->cap : last->cap,
                                         ahead ? (int)last->at + 1 : (int)tip->at + corners, between, ahead ? 1 : -1,
-                                        tip->layer, c->caps[tip->cap].element))
+                                        tip->layer))
             return 0;
     }
     return 1;
@@ -23192,9 +23197,10 @@ static int dgfemi_skin_add_whole_polygons(dgfemi_skin_cutter *c, const char *met
     if (dgfemi_skin_section_winding(c, c->blade->polygon[0]) <= 0) return 1;
     for (int e = 0, next = 0; e < c->before->mesh->element_count; e++) {
         dgfem_vec3 rest;
+        int element;
         if (c->layer[e] != next) continue; /* layers are numbered in the order of their first elements */
-        if (!met[next] && dgfemi_skin_rest_of(c, c->blade->polygon[0], next, &rest) <= DGFEM_R(1e-6) &&
-            !dgfemi_skin_follow_polygon(c, DGFEM_NONE, DGFEM_NONE, 0, c->blade->polygon_count, 1, next, e))
+        if (!met[next] && dgfemi_skin_rest_of(c, c->blade->polygon[0], next, &rest, &element) <= DGFEM_R(1e-6) &&
+            !dgfemi_skin_follow_polygon(c, DGFEM_NONE, DGFEM_NONE, 0, c->blade->polygon_count, 1, next))
             return 0;
         next++;
     }

@@ -112,19 +112,15 @@ static double dgfemi_blade_place(const dgfemi_blade *blade, int clockwise, dgfem
     return at;
 }
 
-/* A corner of the polygon that lies farther than this outside every element of a layer, in radii, is left out: there the
-   slit does not close, and the polygon may be as large as it likes. */
-#define DGFEM_CORNER_REACH DGFEM_R(0.25)
-
 /* Appends segments along the polygon's boundary from a cap point past corners first, first + step, .. to another;
-   without these two, a whole round. `element`: any of the layer. 1 on success. */
+   without these two, a whole round. 1 on success. */
 static int dgfemi_skin_follow_polygon(dgfemi_skin_cutter *c, int from, int to, int first, int corners, int step,
-                                      int layer, int element) {
+                                      int layer) {
     int clockwise = dgfemi_blade_is_clockwise(c->blade);
     for (int i = 0; i < corners; i++) {
         dgfem_vec3 x = dgfemi_blade_corner(c->blade, clockwise, first + i * step), rest;
-        int cap;
-        if (dgfemi_skin_rest_of(c, x, layer, &rest) > DGFEM_CORNER_REACH) continue;
+        int cap, element;
+        if (dgfemi_skin_rest_of(c, x, layer, &rest, &element) > DGFEM_CORNER_REACH) continue;
         cap = dgfemi_skin_add_cap(c, DGFEM_NONE, DGFEM_NONE, DGFEM_NONE, x, rest, element, layer);
         if (cap == DGFEM_NONE || (from != DGFEM_NONE && !dgfemi_segment_push(c->hooks, &c->segments, from, cap)))
             return 0;
@@ -183,7 +179,7 @@ static int dgfemi_skin_join_tips(dgfemi_skin_cutter *c, const dgfemi_tip *tips, 
         if (between > corners) between = corners;
         if (!dgfemi_skin_follow_polygon(c, ahead ? last->cap : tip->cap, ahead ? tip->cap : last->cap,
                                         ahead ? (int)last->at + 1 : (int)tip->at + corners, between, ahead ? 1 : -1,
-                                        tip->layer, c->caps[tip->cap].element))
+                                        tip->layer))
             return 0;
     }
     return 1;
@@ -213,9 +209,10 @@ static int dgfemi_skin_add_whole_polygons(dgfemi_skin_cutter *c, const char *met
     if (dgfemi_skin_section_winding(c, c->blade->polygon[0]) <= 0) return 1;
     for (int e = 0, next = 0; e < c->before->mesh->element_count; e++) {
         dgfem_vec3 rest;
+        int element;
         if (c->layer[e] != next) continue; /* layers are numbered in the order of their first elements */
-        if (!met[next] && dgfemi_skin_rest_of(c, c->blade->polygon[0], next, &rest) <= DGFEM_R(1e-6) &&
-            !dgfemi_skin_follow_polygon(c, DGFEM_NONE, DGFEM_NONE, 0, c->blade->polygon_count, 1, next, e))
+        if (!met[next] && dgfemi_skin_rest_of(c, c->blade->polygon[0], next, &rest, &element) <= DGFEM_R(1e-6) &&
+            !dgfemi_skin_follow_polygon(c, DGFEM_NONE, DGFEM_NONE, 0, c->blade->polygon_count, 1, next))
             return 0;
         next++;
     }

@@ -48,40 +48,49 @@ static int dgfemi_skin_find_layers(dgfemi_skin_cutter *c) {
     return stack && c->layer;
 }
 
-/* Inverts an element's map by Newton's method: the material point that it takes to x. */
-static dgfem_vec3 dgfemi_skin_invert(const dgfem_body *body, int element, dgfem_vec3 x) {
-    dgfem_vec3 rest = body->mesh->elements[element].centre;
+/* Inverts an element's map by Newton's method: the material point that it takes to x. 0 where that does not converge. */
+static int dgfemi_skin_invert(const dgfem_body *body, int element, dgfem_vec3 x, dgfem_vec3 *rest) {
+    const dgfem_element *e = &body->mesh->elements[element];
+    dgfem_vec3 r;
+    *rest = e->centre;
     for (int step = 0; step < (body->degree[element] == 1 ? 1 : 12); step++) {
-        dgfem_mat3 f = dgfemi_gradient(body, element, rest);
+        dgfem_mat3 f = dgfemi_gradient(body, element, *rest);
         dgfem_vec3 c0 = dgfemi_column(&f, 0), c1 = dgfemi_column(&f, 1), c2 = dgfemi_column(&f, 2);
-        dgfem_vec3 r = dgfemi_sub(x, dgfemi_add(rest, dgfemi_evaluate(body, body->displacement, element, rest)));
         dgfem_real determinant = dgfemi_determinant(&f);
-        if (!(dgfemi_abs(determinant) > 0)) break;
-        rest = dgfemi_add(rest, dgfemi_scale(1 / determinant, /* Cramer's rule */
-                                             dgfemi_vec3(dgfemi_dot(r, dgfemi_cross(c1, c2)),
-                                                         dgfemi_dot(c0, dgfemi_cross(r, c2)),
-                                                         dgfemi_dot(c0, dgfemi_cross(c1, r)))));
+        r = dgfemi_sub(x, dgfemi_add(*rest, dgfemi_evaluate(body, body->displacement, element, *rest)));
+        if (!(dgfemi_abs(determinant) > 0)) return 0;
+        *rest = dgfemi_add(*rest, dgfemi_scale(1 / determinant, /* Cramer's rule */
+                                               dgfemi_vec3(dgfemi_dot(r, dgfemi_cross(c1, c2)),
+                                                           dgfemi_dot(c0, dgfemi_cross(r, c2)),
+                                                           dgfemi_dot(c0, dgfemi_cross(c1, r)))));
     }
-    return rest;
+    r = dgfemi_sub(x, dgfemi_add(*rest, dgfemi_evaluate(body, body->displacement, element, *rest)));
+    return dgfemi_norm(r) <= DGFEM_R(1e-3) * (e->radius + dgfemi_distance(*rest, e->centre));
 }
 
-/* The material point of a layer that is now at x, or which comes nearest to an element that would be; DGFEM_NONE: of all
-   layers. Returns how far it lies outside its element, in radii of it. */
-static dgfem_real dgfemi_skin_rest_of(const dgfemi_skin_cutter *c, dgfem_vec3 x, int layer, dgfem_vec3 *out) {
+/* A corner of the polygon that lies farther than this outside every element of a layer, in radii, is left out: there the
+   slit does not close, and the polygon may be as large as it likes. */
+#define DGFEM_CORNER_REACH DGFEM_R(0.25)
+
+/* The material point of a layer (DGFEM_NONE: of all layers) that is now at x, or which an element's map would take there
+   whose outside it is nearest to; and that element. Returns how far outside it lies, in radii of the element, where that
+   is at most DGFEM_CORNER_REACH, else something larger. */
+static dgfem_real dgfemi_skin_rest_of(const dgfemi_skin_cutter *c, dgfem_vec3 x, int layer, dgfem_vec3 *out,
+                                      int *element) {
     const dgfem_mesh *mesh = c->before->mesh;
-    dgfem_real smallest = -1;
-    *out = x;
+    dgfem_real smallest = (dgfem_real)HUGE_VAL;
+    *out = x, *element = DGFEM_NONE;
     for (int e = 0; e < mesh->element_count; e++) {
         dgfem_vec3 rest;
         dgfem_real distance;
         if (layer == DGFEM_NONE ? c->layer[e] == DGFEM_NONE : c->layer[e] != layer) continue;
-        rest = dgfemi_skin_invert(c->before, e, x);
+        if (!dgfemi_skin_invert(c->before, e, x, &rest)) continue;
         distance = dgfemi_distance(rest, mesh->elements[e].centre) / mesh->elements[e].radius;
-        if (!(distance >= 0) || (smallest >= 0 && distance > smallest && distance > 1)) continue;
-        if (distance <= 1) distance = dgfemi_locate_in(mesh, e, rest).distance / mesh->elements[e].radius;
-        if (smallest < 0 || distance < smallest) smallest = distance, *out = rest;
+        if (distance <= 1 + DGFEM_CORNER_REACH)
+            distance = dgfemi_locate_in(mesh, e, rest).distance / mesh->elements[e].radius;
+        if (distance < smallest) smallest = distance, *out = rest, *element = e;
     }
-    return smallest < 0 ? (dgfem_real)HUGE_VAL : smallest;
+    return smallest;
 }
 
 /* Gives the points of the cross-section, which segments join to chains, the layer that most of a chain's points are in:
