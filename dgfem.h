@@ -220,7 +220,8 @@
    symbolic.c         Symbolic analysis of the sparse Cholesky factorization A = L L^T of matrices in blocks.
    cholesky.c         Sparse Cholesky factorization A = L L^T of matrices in blocks: multifrontal factorization,
                       solves.
-   pcg.c              Conjugate gradients, preconditioned by the inverse diagonal blocks.
+   pcg.c              Preconditioned conjugate gradients; by the inverse diagonal blocks, and for what else is near the
+                      matrix.
    locate.c           Which element of a mesh contains a point, or is nearest to it: winding numbers of elements,
                       distances of faces, and buckets of element boxes that keep the search short.
    embed.c            Embedding of points in a body by moving least squares (MLS), eq.
@@ -229,6 +230,8 @@
    contact.c          Penalty contact and friction of embedded points against planes and spheres, implicit in the
                       step's velocities.
    warp.c             Stiffness warping: rotations of the elements, and the warped system assembled from the forms.
+   step_solver.c      The linear system of a time step, solved for the velocities by conjugate gradients with an
+                      earlier factorization.
    body.c             State of a solid: descriptors, creation, the block system and its solver.
    load.c             What acts on a solid: conditions (held faces and elements, pins, loads), contact shapes and
                       points.
@@ -813,7 +816,13 @@ typedef enum dgfem_penalty {
     DGFEM_PENALTY_SCALAR  /* (lambda + 2 mu) on the whole jump, as the paper; locks for p = 1 */
 } dgfem_penalty;
 
-typedef enum dgfem_solver { DGFEM_SOLVER_CHOLESKY, DGFEM_SOLVER_PCG } dgfem_solver;
+/* What solves the linear system of a step. A static solve takes PCG where that is chosen, and else Cholesky. */
+typedef enum dgfem_solver {
+    DGFEM_SOLVER_AUTO,
+    DGFEM_SOLVER_STALE,    /* conjugate gradients preconditioned by an earlier factorization, turned with the elements */
+    DGFEM_SOLVER_CHOLESKY, /* a factorization in every step: exact, and the same from the same state */
+    DGFEM_SOLVER_PCG       /* conjugate gradients preconditioned by the elements' own blocks: least memory */
+} dgfem_solver;
 
 typedef struct dgfem_body_desc {
     unsigned cookie;
@@ -831,18 +840,21 @@ typedef struct dgfem_body_desc {
     dgfem_real damping_stiffness;    /* Rayleigh beta, s; default 0. Acts on velocities as stiffness on displacements:
                                         it brakes rigid turning, and takes moving fixtures to stand still */
     int warp;                        /* 1: stiffness warping (default); 0: linear elasticity */
-    dgfem_solver solver;             /* default Cholesky */
+    dgfem_solver solver;             /* default auto */
+    dgfem_real velocity_tolerance;   /* of auto and stale: error of the velocities relative to their mean, both as roots of mean
+                                        squares over the mass, or to .01 element radii in a step; default 1e-3 */
     dgfem_real solver_tolerance;     /* of PCG; default 1e-6 (float: 1e-4) */
     int solver_iterations;           /* of PCG at most; default 1000 */
     dgfem_hooks hooks;
 } dgfem_body_desc;
 
 typedef struct dgfem_step_info {
-    int iterations;           /* of PCG; 0 with Cholesky */
+    int iterations;           /* of conjugate gradients; 0 with Cholesky */
+    int factorizations;
     int sweeps;               /* static solve: solves with new rotations */
     int contacts;             /* contact points that were active */
     int failed_element;       /* whose pivot was not positive, or DGFEM_NONE */
-    dgfem_real residual;      /* of PCG; static solve: last relative change of the displacement, without warping the
+    dgfem_real residual;      /* of PCG; auto, stale: estimated error, as in velocity_tolerance; static solve: last relative change of the displacement, without warping the
                                  relative residual of the linear system */
     double seconds_assemble, seconds_contact, seconds_factor, seconds_solve; /* 0 without a clock */
 } dgfem_step_info;
@@ -939,6 +951,7 @@ DGFEM_API dgfem_real dgfem_shape_distance(const dgfem_shape *shape, dgfem_vec3 x
 
 typedef struct dgfem_forms dgfem_forms;     /* precomputed integrals, opaque */
 typedef struct dgfem_contacts dgfem_contacts;
+typedef struct dgfem_step_solver dgfem_step_solver;
 
 /* State of a solid. Read freely; change only through functions.
 
@@ -970,6 +983,7 @@ typedef struct dgfem_body {
     dgfem_contacts *contacts;
     dgfem_matrix *matrix;
     dgfem_cholesky *cholesky;
+    dgfem_step_solver *step_solver; /* NULL with Cholesky and PCG */
     dgfem_real *work;
     dgfem_hooks hooks;
 } dgfem_body;
@@ -15631,7 +15645,7 @@ DGFEM_API dgfem_status dgfem_cholesky_solve(const dgfem_cholesky *c, const dgfem
 
 /* ==== pcg.c ======================================================================================================= */
 
-/* Conjugate gradients, preconditioned by the inverse diagonal blocks. */
+/* Preconditioned conjugate gradients; by the inverse diagonal blocks, and for what else is near the matrix. */
 
 DGFEM_API dgfem_pcg_desc dgfem_default_pcg_desc(void) {
     dgfem_pcg_desc desc;
@@ -15709,9 +15723,22 @@ static int dgfemi_invert_diagonal(const dgfem_matrix *matrix, dgfem_real *invers
     return DGFEM_NONE;
 }
 
-/* z = D^-1 r */
-static void dgfemi_precondition(const dgfem_matrix *matrix, const dgfem_real *inverse, const dgfem_real *r,
-                                dgfem_real *z) {
+/* z = P^-1 r, where P is symmetric, positive definite and near the matrix. */
+typedef struct dgfemi_preconditioner {
+    void (*apply)(void *context, const dgfem_real *r, dgfem_real *z);
+    void *context;
+} dgfemi_preconditioner;
+
+/* P = D, the diagonal blocks. */
+typedef struct dgfemi_jacobi {
+    const dgfem_matrix *matrix;
+    dgfem_real *inverse; /* of the blocks */
+} dgfemi_jacobi;
+
+static void dgfemi_apply_jacobi(void *context, const dgfem_real *r, dgfem_real *z) {
+    const dgfemi_jacobi *jacobi = (const dgfemi_jacobi *)context;
+    const dgfem_matrix *matrix = jacobi->matrix;
+    const dgfem_real *inverse = jacobi->inverse;
     int k;
     memset(z, 0, (size_t)matrix->size * sizeof *z);
     for (k = 0; k < matrix->block_count; k++) {
@@ -15725,66 +15752,89 @@ static void dgfemi_precondition(const dgfem_matrix *matrix, const dgfem_real *in
 
 typedef struct dgfemi_pcg {
     const dgfem_matrix *matrix;
+    dgfemi_preconditioner preconditioner;
     const dgfem_real *b;
     dgfem_real *x;
-    dgfem_real *r, *z, *p, *q; /* residual, D^-1 r, direction, A p */
-    dgfem_real *best;          /* the iterate of the smallest residual */
-    dgfem_real *inverse;       /* of the diagonal blocks */
-    double norm;               /* b . D^-1 b */
-    double rho;                /* r . D^-1 r */
-    double best_rho;
+    dgfem_real *r, *z, *p, *q; /* residual, P^-1 r, direction, A p */
+    dgfem_real step;           /* x moved last by step * p */
+    double rho;                /* r . P^-1 r */
 } dgfemi_pcg;
 
-static void dgfemi_pcg_set_best(dgfemi_pcg *s) {
-    s->best_rho = s->rho;
-    memcpy(s->best, s->x, (size_t)s->matrix->size * sizeof *s->x);
-}
-
-/* The residual itself, not as carried along; and a new start from it. */
-static void dgfemi_pcg_restart(dgfemi_pcg *s) {
-    int n = s->matrix->size, i;
+/* The residual itself, not as carried along. */
+static void dgfemi_pcg_residual(dgfemi_pcg *s) {
+    int i;
     dgfem_matrix_multiply(s->matrix, s->x, s->q);
-    for (i = 0; i < n; i++) s->r[i] = s->b[i] - s->q[i];
-    dgfemi_precondition(s->matrix, s->inverse, s->r, s->z);
-    memcpy(s->p, s->z, (size_t)n * sizeof *s->p);
-    s->rho = dgfemi_vector_dot(n, s->r, s->z);
-    dgfemi_pcg_set_best(s);
+    for (i = 0; i < s->matrix->size; i++) s->r[i] = s->b[i] - s->q[i];
 }
 
-/* One step of Hestenes and Stiefel. 0 on breakdown: A or D^-1 is not positive definite, or a number not finite. */
-static int dgfemi_pcg_iterate(dgfemi_pcg *s) {
+/* The next direction, conjugate to the last one; the first where `last`, the rho of the last one, is 0. Returns 0 on
+   breakdown: P is not positive definite, or a number is not finite. */
+static int dgfemi_pcg_turn(dgfemi_pcg *s, double last) {
+    s->preconditioner.apply(s->preconditioner.context, s->r, s->z);
+    s->rho = dgfemi_vector_dot(s->matrix->size, s->r, s->z);
+    if (!(s->rho >= 0) || !(s->rho - s->rho == 0)) return 0;
+    if (last > 0) dgfemi_vector_scale_add(s->matrix->size, s->z, (dgfem_real)(s->rho / last), s->p);
+    else memcpy(s->p, s->z, (size_t)s->matrix->size * sizeof *s->p);
+    return 1;
+}
+
+/* x += step p, to the smallest error along p in the norm of A, and r with it. Returns 0 on breakdown: A is not positive
+   definite, or a number is not finite. `descent` is r . p. */
+static int dgfemi_pcg_advance(dgfemi_pcg *s, double descent) {
     int n = s->matrix->size;
-    double curvature, rho;
-    dgfem_real step;
+    double curvature;
     dgfem_matrix_multiply(s->matrix, s->p, s->q);
     curvature = dgfemi_vector_dot(n, s->p, s->q);
-    step = (dgfem_real)(s->rho / curvature);
-    if (!(curvature > 0) || !(step > 0) || !dgfemi_is_finite(step)) return 0;
-    dgfemi_vector_add(n, step, s->p, s->x);
-    dgfemi_vector_add(n, -step, s->q, s->r);
-    dgfemi_precondition(s->matrix, s->inverse, s->r, s->z);
-    rho = dgfemi_vector_dot(n, s->r, s->z);
-    if (!(rho >= 0) || !(rho - rho == 0)) return 0;
-    dgfemi_vector_scale_add(n, s->z, (dgfem_real)(rho / s->rho), s->p);
-    s->rho = rho;
+    s->step = (dgfem_real)(descent / curvature);
+    if (!(curvature > 0) || !dgfemi_is_finite(s->step)) return 0;
+    dgfemi_vector_add(n, s->step, s->p, s->x);
+    dgfemi_vector_add(n, -s->step, s->q, s->r);
     return 1;
+}
+
+/* Conjugate gradients to a given residual. */
+typedef struct dgfemi_pcg_run {
+    dgfemi_pcg cg;
+    dgfem_real *best; /* the iterate of the smallest residual */
+    double best_rho;
+    double norm;      /* b . P^-1 b */
+} dgfemi_pcg_run;
+
+static void dgfemi_pcg_set_best(dgfemi_pcg_run *run) {
+    run->best_rho = run->cg.rho;
+    memcpy(run->best, run->cg.x, (size_t)run->cg.matrix->size * sizeof *run->best);
+}
+
+static int dgfemi_pcg_restart(dgfemi_pcg_run *run) {
+    int good;
+    dgfemi_pcg_residual(&run->cg);
+    good = dgfemi_pcg_turn(&run->cg, 0);
+    dgfemi_pcg_set_best(run);
+    return good;
+}
+
+/* One step of Hestenes and Stiefel. 0 on breakdown. */
+static int dgfemi_pcg_iterate(dgfemi_pcg *s) {
+    double last = s->rho;
+    return last > 0 && dgfemi_pcg_advance(s, last) && dgfemi_pcg_turn(s, last);
 }
 
 /* 1 when converged. The residual that is carried along drifts from the true one, and keeps falling where that cannot:
    when it is small enough, or as small as round-off, the true one is computed and the iteration starts anew from it, as
    long as this gains something. */
-static int dgfemi_pcg_run(dgfemi_pcg *s, const dgfem_pcg_desc *desc, int *iterations) {
-    double target = (double)desc->tolerance * (double)desc->tolerance * s->norm;
-    double noise = (double)DGFEM_EPSILON * (double)DGFEM_EPSILON * s->norm, last_true;
+static int dgfemi_pcg_converge(dgfemi_pcg_run *run, const dgfem_pcg_desc *desc, int *iterations) {
+    dgfemi_pcg *s = &run->cg;
+    double target = (double)desc->tolerance * (double)desc->tolerance * run->norm;
+    double noise = (double)DGFEM_EPSILON * (double)DGFEM_EPSILON * run->norm, last_true;
     *iterations = 0;
-    dgfemi_pcg_restart(s);
+    (void)dgfemi_pcg_restart(run);
     last_true = s->rho;
     while (!(s->rho <= target)) {
         if (*iterations == desc->max_iterations || !dgfemi_pcg_iterate(s)) return 0;
         ++*iterations;
-        if (s->rho < s->best_rho) dgfemi_pcg_set_best(s);
+        if (s->rho < run->best_rho) dgfemi_pcg_set_best(run);
         if (s->rho > target && s->rho > noise) continue;
-        dgfemi_pcg_restart(s);
+        (void)dgfemi_pcg_restart(run);
         if (s->rho > target && !(s->rho < last_true / 4)) return 0;
         last_true = s->rho;
     }
@@ -15794,26 +15844,32 @@ static int dgfemi_pcg_run(dgfemi_pcg *s, const dgfem_pcg_desc *desc, int *iterat
 /* `work` has room for dgfem_pcg_work_size. Returns OK, NOT_POSITIVE_DEFINITE or NOT_CONVERGED. */
 static dgfem_status dgfemi_pcg_solve(const dgfem_matrix *matrix, const dgfem_pcg_desc *desc, const dgfem_real *b,
                                      dgfem_real *x, dgfem_real *work, dgfem_pcg_info *info) {
-    dgfemi_pcg solver, *s = &solver;
+    dgfemi_pcg_run run;
+    dgfemi_pcg *s = &run.cg;
+    dgfemi_jacobi jacobi;
     size_t n = (size_t)matrix->size;
     int converged;
+    memset(&run, 0, sizeof run);
+    jacobi.matrix = matrix;
+    jacobi.inverse = work + 5 * n;
     s->matrix = matrix;
+    s->preconditioner.apply = dgfemi_apply_jacobi;
+    s->preconditioner.context = &jacobi;
     s->b = b;
     s->x = x;
-    s->r = work, s->z = work + n, s->p = work + 2 * n, s->q = work + 3 * n, s->best = work + 4 * n;
-    s->inverse = work + 5 * n;
-    info->failed_block = dgfemi_invert_diagonal(matrix, s->inverse);
+    s->r = work, s->z = work + n, s->p = work + 2 * n, s->q = work + 3 * n, run.best = work + 4 * n;
+    info->failed_block = dgfemi_invert_diagonal(matrix, jacobi.inverse);
     if (info->failed_block != DGFEM_NONE) return DGFEM_ERROR_NOT_POSITIVE_DEFINITE;
-    dgfemi_precondition(matrix, s->inverse, b, s->z);
-    s->norm = dgfemi_vector_dot(matrix->size, b, s->z);
+    dgfemi_apply_jacobi(&jacobi, b, s->z);
+    run.norm = dgfemi_vector_dot(matrix->size, b, s->z);
     info->residual = (dgfem_real)HUGE_VAL;
-    if (!(s->norm > 0) || !(s->norm - s->norm == 0)) return DGFEM_ERROR_NOT_CONVERGED;
-    converged = dgfemi_pcg_run(s, desc, &info->iterations);
+    if (!(run.norm > 0) || !(run.norm - run.norm == 0)) return DGFEM_ERROR_NOT_CONVERGED;
+    converged = dgfemi_pcg_converge(&run, desc, &info->iterations);
     if (!converged) {
-        memcpy(x, s->best, n * sizeof *x);
-        dgfemi_pcg_restart(s);
+        memcpy(x, run.best, n * sizeof *x);
+        (void)dgfemi_pcg_restart(&run);
     }
-    info->residual = (dgfem_real)sqrt(s->rho / s->norm);
+    info->residual = (dgfem_real)sqrt(s->rho / run.norm);
     return converged ? DGFEM_OK : DGFEM_ERROR_NOT_CONVERGED;
 }
 
@@ -18315,6 +18371,21 @@ static void dgfemi_assemble_mass(const dgfem_body *body, dgfem_real s, dgfem_mat
     }
 }
 
+/* v . M v */
+static double dgfemi_mass_norm(const dgfem_body *body, const dgfem_vec3 *v) {
+    double norm = 0;
+    for (int e = 0; e < body->mesh->element_count; e++) {
+        const dgfemi_element_form *form = &body->forms->elements[e];
+        const dgfem_real *mass = dgfemi_form_mass(body->forms, e);
+        const dgfem_vec3 *u = v + body->basis_start[e];
+        dgfem_real sum = 0;
+        for (int i = 0; i < form->count; i++)
+            for (int j = 0; j < form->count; j++) sum += mass[i * form->count + j] * dgfemi_dot(u[i], u[j]);
+        norm += (double)(body->material[e].density * sum);
+    }
+    return norm;
+}
+
 /* out += s M v */
 static void dgfemi_add_mass_product(const dgfem_body *body, dgfem_real s, const dgfem_vec3 *v, dgfem_vec3 *out) {
     for (int e = 0; e < body->mesh->element_count; e++) {
@@ -18413,6 +18484,294 @@ static dgfem_real dgfemi_elastic_energy(const dgfem_body *body, const dgfem_mat3
     return energy;
 }
 
+/* ==== step_solver.c =============================================================================================== */
+
+/* The linear system of a time step, solved for the velocities by conjugate gradients with an earlier factorization.
+
+   Warping turns the stiffness of an element and hardly changes it otherwise. So the matrix A0 that an earlier step
+   factored, turned with the elements, is near today's matrix A. With T the rotations of all elements since then,
+
+       P = T A0 T^T,   P^-1 r = T (A0^-1 (T^T r)),
+
+   and conjugate gradients preconditioned by P need one to three iterations, until neighbours have turned much against
+   each other or contact has changed much. The iteration starts from the velocity of now, moved along its change in the
+   last step so far as lowers the error's energy most. At the end the error that is left is made orthogonal to
+   translations of each piece: what falls keeps its momentum to round-off, however coarse the tolerance.
+
+   When to factor again is a choice between rent and purchase: the iterations beyond the first of each step are paid
+   until they have cost as much as a factorization, then that is bought. So no step sequence costs more than twice what
+   the better choice would have. Both are counted in operations, not measured, so that runs repeat bit for bit. */
+
+struct dgfem_step_solver {
+    int is_factored;         /* the body's factor is of the matrix of an earlier step */
+    double factor_work;      /* of a factorization, */
+    double iteration_work;   /* and of an iteration, in operations at the speed of an iteration */
+    double rent;             /* work of iterations beyond each step's first since the factorization */
+    dgfem_mat3 *rotation;    /* [elements] at the factorization */
+    dgfem_mat3 *turn;        /* [elements] from then to now */
+    dgfem_vec3 *change;      /* [basis functions] of the velocity in the last step; zero at first */
+    dgfem_real *vectors;     /* [DGFEMI_STEP_VECTORS * unknowns] */
+    int *piece;              /* [elements] the piece each belongs to: elements connected by glue */
+    int piece_count;
+    dgfem_real *gram;        /* [9 * pieces] A, restricted to translations of a piece */
+    dgfem_vec3 *imbalance;   /* [pieces] the residual, likewise */
+};
+
+/* Work vectors: those of the iteration, the residual turned back to A0, and 1 / (diagonal of A). */
+enum { DGFEMI_STEP_R, DGFEMI_STEP_Z, DGFEMI_STEP_P, DGFEMI_STEP_Q, DGFEMI_STEP_TURNED, DGFEMI_STEP_WEIGHT,
+       DGFEMI_STEP_VECTORS };
+
+/* Dense kernels of a factorization are so much faster than solves, which wait for memory. */
+#define DGFEM_FACTOR_SPEED 8.
+
+static void dgfemi_step_solver_destroy(dgfem_step_solver *solver, const dgfem_hooks *hooks) {
+    if (!solver) return;
+    dgfemi_free(hooks, solver->rotation);
+    dgfemi_free(hooks, solver->turn);
+    dgfemi_free(hooks, solver->change);
+    dgfemi_free(hooks, solver->vectors);
+    dgfemi_free(hooks, solver->piece);
+    dgfemi_free(hooks, solver->gram);
+    dgfemi_free(hooks, solver->imbalance);
+    dgfemi_free(hooks, solver);
+}
+
+/* 0 when out of memory. */
+static int dgfemi_step_solver_find_pieces(dgfem_step_solver *solver, const dgfem_mesh *mesh, const dgfem_hooks *hooks) {
+    size_t elements = (size_t)mesh->element_count;
+    int *stack = (int *)dgfemi_allocate(hooks, elements, sizeof(int));
+    solver->piece = (int *)dgfemi_allocate(hooks, elements, sizeof(int));
+    if (stack && solver->piece) solver->piece_count = dgfemi_mesh_pieces(mesh, solver->piece, stack);
+    dgfemi_free(hooks, stack);
+    if (solver->piece_count == 0) return 0;
+    solver->gram = (dgfem_real *)dgfemi_allocate(hooks, 9 * (size_t)solver->piece_count, sizeof(dgfem_real));
+    solver->imbalance = (dgfem_vec3 *)dgfemi_allocate(hooks, (size_t)solver->piece_count, sizeof(dgfem_vec3));
+    return solver->gram && solver->imbalance;
+}
+
+/* NULL when out of memory. */
+static dgfem_step_solver *dgfemi_step_solver_create(const dgfem_mesh *mesh, const dgfem_matrix *matrix,
+                                                    const dgfem_cholesky *cholesky, const dgfem_hooks *hooks) {
+    dgfem_step_solver *solver = (dgfem_step_solver *)dgfemi_allocate_zero(hooks, 1, sizeof *solver);
+    size_t elements = (size_t)matrix->block_count, size = (size_t)matrix->size;
+    if (!solver) return NULL;
+    solver->rotation = (dgfem_mat3 *)dgfemi_allocate(hooks, elements, sizeof(dgfem_mat3));
+    solver->turn = (dgfem_mat3 *)dgfemi_allocate(hooks, elements, sizeof(dgfem_mat3));
+    solver->change = (dgfem_vec3 *)dgfemi_allocate_zero(hooks, size / 3, sizeof(dgfem_vec3));
+    solver->vectors = (dgfem_real *)dgfemi_allocate(hooks, DGFEMI_STEP_VECTORS * size, sizeof(dgfem_real));
+    if (!solver->rotation || !solver->turn || !solver->change || !solver->vectors ||
+        !dgfemi_step_solver_find_pieces(solver, mesh, hooks)) {
+        dgfemi_step_solver_destroy(solver, hooks);
+        return NULL;
+    }
+    solver->factor_work = cholesky->factor_flops / DGFEM_FACTOR_SPEED;
+    solver->iteration_work =
+        4 * (cholesky->factor_entries + (double)matrix->value_start[matrix->row_start[elements]]);
+    return solver;
+}
+
+static dgfem_real *dgfemi_step_vector(const dgfem_step_solver *solver, const dgfem_matrix *matrix, int k) {
+    return solver->vectors + (size_t)k * (size_t)matrix->size;
+}
+
+/* ---- the preconditioner ---- */
+
+/* to = T from, or T^T from */
+static void dgfemi_turn_elements(const dgfem_body *body, int transposed, const dgfem_real *from, dgfem_real *to) {
+    const dgfem_vec3 *in = (const dgfem_vec3 *)(const void *)from;
+    dgfem_vec3 *out = (dgfem_vec3 *)(void *)to;
+    for (int e = 0; e < body->mesh->element_count; e++) {
+        dgfem_mat3 turn = body->step_solver->turn[e];
+        if (transposed) turn = dgfemi_transposed(&turn);
+        for (int i = body->basis_start[e]; i < body->basis_start[e + 1]; i++) out[i] = dgfemi_multiply(&turn, in[i]);
+    }
+}
+
+static void dgfemi_apply_factor(void *context, const dgfem_real *r, dgfem_real *z) {
+    const dgfem_body *body = (const dgfem_body *)context;
+    dgfem_real *turned = dgfemi_step_vector(body->step_solver, body->matrix, DGFEMI_STEP_TURNED);
+    dgfemi_turn_elements(body, 1, r, turned);
+    dgfemi_solve(body->cholesky, 1, turned, turned);
+    dgfemi_turn_elements(body, 0, turned, z);
+}
+
+static void dgfemi_find_turns(dgfem_body *body, const dgfem_mat3 *rotation) {
+    dgfem_step_solver *solver = body->step_solver;
+    for (int e = 0; e < body->mesh->element_count; e++) {
+        dgfem_mat3 back = dgfemi_transposed(&solver->rotation[e]);
+        solver->turn[e] = dgfemi_multiply3(&rotation[e], &back);
+    }
+}
+
+static dgfem_status dgfemi_factor_step(dgfem_body *body, const dgfem_mat3 *rotation, dgfem_step_info *info) {
+    dgfem_step_solver *solver = body->step_solver;
+    double start = dgfemi_clock(&body->hooks);
+    dgfem_cholesky_info factor;
+    solver->is_factored = 0;
+    dgfem_status status = dgfem_cholesky_factor(body->cholesky, body->matrix, &factor);
+    info->seconds_factor += dgfemi_clock(&body->hooks) - start;
+    info->failed_element = factor.failed_block;
+    info->factorizations++;
+    if (status) return status;
+    memcpy(solver->rotation, rotation, (size_t)body->mesh->element_count * sizeof *rotation);
+    solver->is_factored = 1;
+    solver->rent = 0;
+    return DGFEM_OK;
+}
+
+/* ---- iteration ---- */
+
+static void dgfemi_weigh_by_diagonal(const dgfem_matrix *matrix, dgfem_real *weight) {
+    for (int r = 0; r < matrix->block_count; r++) {
+        int n = dgfemi_block_size(matrix, r);
+        const dgfem_real *block = matrix->values + matrix->value_start[dgfemi_diagonal_index(matrix, r)];
+        for (int i = 0; i < n; i++) weight[matrix->offset[r] + i] = 1 / block[i * (n + 1)];
+    }
+}
+
+/* sqrt(r . W r), W diagonal */
+static double dgfemi_weighted_norm(int count, const dgfem_real *weight, const dgfem_real *r) {
+    double sum = 0;
+    for (int i = 0; i < count; i++) sum += (double)weight[i] * (double)r[i] * (double)r[i];
+    return sqrt(sum);
+}
+
+/* The speed of a velocity field, as the root of its mean square over the mass. */
+static double dgfemi_mean_speed(const dgfem_body *body, const dgfem_real *v) {
+    double mass = 0;
+    for (int e = 0; e < body->mesh->element_count; e++)
+        mass += (double)(body->material[e].density * dgfemi_form_mass(body->forms, e)[0]);
+    return sqrt(dgfemi_mass_norm(body, (const dgfem_vec3 *)(const void *)v) / mass);
+}
+
+/* What a velocity's error is measured by: the mean speed, or a hundredth of an element's radius in a step if that is
+   more. So a body comes to rest. */
+static double dgfemi_reference_speed(const dgfem_body *body, dgfem_real h, const dgfem_real *v) {
+    double radius = 0;
+    for (int e = 0; e < body->mesh->element_count; e++) radius += (double)body->scale[e];
+    double speed = dgfemi_mean_speed(body, v), least = 0.01 * radius / body->mesh->element_count / (double)h;
+    return speed > least ? speed : least;
+}
+
+/* Moves x along the velocity's last change, so far as lowers the error's energy most. */
+static void dgfemi_extrapolate(const dgfem_body *body, dgfemi_pcg *cg) {
+    memcpy(cg->p, body->step_solver->change, (size_t)cg->matrix->size * sizeof *cg->p);
+    double descent = dgfemi_vector_dot(cg->matrix->size, cg->p, cg->r);
+    if (descent != 0) (void)dgfemi_pcg_advance(cg, descent);
+}
+
+/* Iterates until the error of x, as a mean speed, is below `target`, but at most `limit` times. The error is estimated
+   from the last change of x, continued as a geometric series by the ratio at which the residual has shrunk of late.
+   Returns 1 when x is good enough, 0 at the limit or on breakdown. */
+static int dgfemi_iterate_step(const dgfem_body *body, dgfemi_pcg *cg, double target, int limit,
+                               dgfem_step_info *info) {
+    enum { MEMORY = 4 };
+    const double slowest = 0.97;
+    const dgfem_real *weight = dgfemi_step_vector(body->step_solver, cg->matrix, DGFEMI_STEP_WEIGHT);
+    double history[MEMORY], last = 0;
+    history[0] = dgfemi_weighted_norm(cg->matrix->size, weight, cg->r);
+    if (history[0] == 0) return 1;
+    for (int k = 1; k <= limit; k++) {
+        int back = k < MEMORY ? k : MEMORY;
+        if (!dgfemi_pcg_turn(cg, last) || !dgfemi_pcg_advance(cg, cg->rho)) return 0;
+        info->iterations++;
+        double residual = dgfemi_weighted_norm(cg->matrix->size, weight, cg->r);
+        double ratio = pow(residual / history[(k - back) % MEMORY], 1. / back);
+        if (!(ratio < slowest)) ratio = slowest;
+        double error = (double)dgfemi_abs(cg->step) * dgfemi_mean_speed(body, cg->p) * ratio / (1 - ratio);
+        if (!(error - error == 0)) return 0;
+        info->residual = (dgfem_real)(error / target) * body->desc.velocity_tolerance;
+        if (error <= target) return 1;
+        history[k % MEMORY] = residual;
+        last = cg->rho;
+    }
+    return 0;
+}
+
+/* A on the translations of each piece: the functions number 0 are 1 in their elements. */
+static void dgfemi_gather_gram(const dgfem_body *body) {
+    const dgfem_matrix *matrix = body->matrix;
+    dgfem_step_solver *solver = body->step_solver;
+    memset(solver->gram, 0, 9 * (size_t)solver->piece_count * sizeof *solver->gram);
+    for (int r = 0; r < matrix->block_count; r++) {
+        dgfem_real *gram = solver->gram + 9 * (size_t)solver->piece[r];
+        for (int k = matrix->row_start[r]; k < matrix->row_start[r + 1]; k++) {
+            int columns = dgfemi_block_size(matrix, matrix->column[k]);
+            const dgfem_real *block = matrix->values + matrix->value_start[k];
+            for (int i = 0; i < 3; i++)
+                for (int j = 0; j < 3; j++) {
+                    gram[3 * i + j] += block[i * columns + j];
+                    if (matrix->column[k] != r) gram[3 * j + i] += block[i * columns + j];
+                }
+        }
+    }
+}
+
+/* Moves each piece as a whole so that the residual has no resultant. */
+static void dgfemi_balance_pieces(const dgfem_body *body, const dgfemi_pcg *cg) {
+    dgfem_step_solver *solver = body->step_solver;
+    dgfem_vec3 *x = (dgfem_vec3 *)(void *)cg->x;
+    const dgfem_vec3 *r = (const dgfem_vec3 *)(const void *)cg->r;
+    dgfemi_gather_gram(body);
+    memset(solver->imbalance, 0, (size_t)solver->piece_count * sizeof *solver->imbalance);
+    for (int e = 0; e < body->mesh->element_count; e++) {
+        dgfem_vec3 *sum = &solver->imbalance[solver->piece[e]];
+        *sum = dgfemi_add(*sum, r[body->basis_start[e]]);
+    }
+    for (int k = 0; k < solver->piece_count; k++) {
+        dgfem_real *shift = (dgfem_real *)(void *)&solver->imbalance[k], *gram = solver->gram + 9 * (size_t)k;
+        if (dgfemi_cholesky_dense(gram, 3)) dgfemi_cholesky_dense_solve(gram, 3, shift, 1);
+        else memset(shift, 0, 3 * sizeof *shift);
+    }
+    for (int e = 0; e < body->mesh->element_count; e++) {
+        dgfem_vec3 *v = &x[body->basis_start[e]];
+        *v = dgfemi_add(*v, solver->imbalance[solver->piece[e]]);
+    }
+}
+
+/* Solves matrix * v = rhs for the velocities at the end of a step of length h; v holds those at its beginning.
+   `rotation` are the elements' rotations that the matrix was assembled with. */
+static dgfem_status dgfemi_solve_step(dgfem_body *body, dgfem_real h, const dgfem_mat3 *rotation,
+                                      const dgfem_real *rhs, dgfem_real *v, dgfem_step_info *info) {
+    dgfem_step_solver *solver = body->step_solver;
+    const dgfem_matrix *matrix = body->matrix;
+    double factor_before = info->seconds_factor, start = dgfemi_clock(&body->hooks);
+    double target = (double)body->desc.velocity_tolerance * dgfemi_reference_speed(body, h, v);
+    double affordable = solver->factor_work / solver->iteration_work;
+    int limit = affordable < 1000 ? 2 + (int)affordable : 1000, good = 0;
+    dgfem_status status = DGFEM_OK;
+    dgfemi_pcg cg;
+    memset(&cg, 0, sizeof cg);
+    cg.matrix = matrix, cg.b = rhs, cg.x = v;
+    cg.preconditioner.apply = dgfemi_apply_factor;
+    cg.preconditioner.context = body;
+    cg.r = dgfemi_step_vector(solver, matrix, DGFEMI_STEP_R);
+    cg.z = dgfemi_step_vector(solver, matrix, DGFEMI_STEP_Z);
+    cg.p = dgfemi_step_vector(solver, matrix, DGFEMI_STEP_P);
+    cg.q = dgfemi_step_vector(solver, matrix, DGFEMI_STEP_Q);
+    dgfemi_weigh_by_diagonal(matrix, dgfemi_step_vector(solver, matrix, DGFEMI_STEP_WEIGHT));
+    dgfemi_pcg_residual(&cg);
+    dgfemi_extrapolate(body, &cg);
+    if (solver->is_factored && solver->rent <= solver->factor_work) {
+        int before = info->iterations;
+        dgfemi_find_turns(body, rotation);
+        good = dgfemi_iterate_step(body, &cg, target, limit, info);
+        solver->rent += (info->iterations - before - 1) * solver->iteration_work;
+    }
+    if (!good) {
+        status = dgfemi_factor_step(body, rotation, info);
+        if (!status) {
+            dgfemi_find_turns(body, rotation);
+            memcpy(v, body->velocity, (size_t)matrix->size * sizeof *v);
+            dgfemi_pcg_residual(&cg);
+            (void)dgfemi_iterate_step(body, &cg, target, 1, info);
+        }
+    }
+    if (!status) dgfemi_balance_pieces(body, &cg);
+    info->seconds_solve += dgfemi_clock(&body->hooks) - start - (info->seconds_factor - factor_before);
+    return status;
+}
+
 /* ==== body.c ====================================================================================================== */
 
 /* State of a solid: descriptors, creation, the block system and its solver. */
@@ -18431,7 +18790,8 @@ DGFEM_API dgfem_body_desc dgfem_default_body_desc(void) {
     desc.eta_rest = DGFEM_R(0.5);
     desc.gravity.z = DGFEM_R(-9.81);
     desc.warp = 1;
-    desc.solver = DGFEM_SOLVER_CHOLESKY;
+    desc.solver = DGFEM_SOLVER_AUTO;
+    desc.velocity_tolerance = DGFEM_R(1e-3);
     desc.solver_tolerance = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-6);
     desc.solver_iterations = 1000;
     return desc;
@@ -18502,6 +18862,7 @@ static dgfem_status dgfemi_check_body_scalars(const dgfem_body_desc *desc) {
     if (!status) status = dgfemi_check_not_negative(hooks, desc->damping_mass, "damping_mass");
     if (!status) status = dgfemi_check_not_negative(hooks, desc->damping_stiffness, "damping_stiffness");
     if (!status) status = dgfemi_check_positive(hooks, desc->solver_tolerance, "solver_tolerance");
+    if (!status) status = dgfemi_check_positive(hooks, desc->velocity_tolerance, "velocity_tolerance");
     if (!status && !dgfemi_is_finite3(desc->gravity))
         status = dgfemi_fail(hooks, DGFEM_ERROR_NOT_FINITE, "gravity (%g, %g, %g)", (double)desc->gravity.x,
                              (double)desc->gravity.y, (double)desc->gravity.z);
@@ -18512,7 +18873,7 @@ static dgfem_status dgfemi_check_body_scalars(const dgfem_body_desc *desc) {
         status = dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "unknown flux %d", (int)desc->flux);
     if (!status && ((int)desc->penalty < 0 || desc->penalty > DGFEM_PENALTY_SCALAR))
         status = dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "unknown penalty %d", (int)desc->penalty);
-    if (!status && desc->solver != DGFEM_SOLVER_CHOLESKY && desc->solver != DGFEM_SOLVER_PCG)
+    if (!status && ((int)desc->solver < 0 || desc->solver > DGFEM_SOLVER_PCG))
         status = dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "unknown solver %d", (int)desc->solver);
     return status;
 }
@@ -18639,6 +19000,10 @@ static dgfem_status dgfemi_body_create_factor(dgfem_body *body) {
             return dgfemi_fail(&body->hooks, status, "Cholesky factor of %d elements", body->mesh->element_count);
         body->cholesky->hooks.log = body->hooks.log;
     }
+    if (body->desc.solver <= DGFEM_SOLVER_STALE) {
+        body->step_solver = dgfemi_step_solver_create(body->mesh, body->matrix, body->cholesky, &body->hooks);
+        if (!body->step_solver) return DGFEM_ERROR_MEMORY;
+    }
     body->work = (dgfem_real *)dgfemi_allocate(&body->hooks, vectors, sizeof(dgfem_real));
     return body->work ? DGFEM_OK : DGFEM_ERROR_MEMORY;
 }
@@ -18686,6 +19051,7 @@ static void dgfemi_body_free(dgfem_body *body) {
     dgfemi_contacts_destroy(body->contacts);
     dgfem_matrix_destroy(body->matrix);
     dgfem_cholesky_destroy(body->cholesky);
+    dgfemi_step_solver_destroy(body->step_solver, &hooks);
     dgfemi_free(&hooks, body);
 }
 
@@ -19265,11 +19631,13 @@ static dgfem_status dgfemi_body_solve(dgfem_body *body, const dgfem_vec3 *rhs, d
         info->seconds_solve += dgfemi_clock(hooks) - start;
         return status;
     }
+    if (body->step_solver) body->step_solver->is_factored = 0;
     dgfem_cholesky_info factor;
     status = dgfem_cholesky_factor(body->cholesky, body->matrix, &factor);
     double middle = dgfemi_clock(hooks);
     info->seconds_factor += middle - start;
     info->failed_element = factor.failed_block;
+    info->factorizations++;
     if (!status) status = dgfem_cholesky_solve(body->cholesky, b, out);
     info->seconds_solve += dgfemi_clock(hooks) - middle;
     return status;
@@ -19396,13 +19764,19 @@ static dgfem_status dgfemi_step(dgfem_body *body, dgfem_real h, dgfem_step_info 
     size_t size = (size_t)body->basis_count * sizeof *v;
     dgfemi_assemble_step(body, h, rhs, info);
     memcpy(v, body->velocity, size);
-    dgfem_status status = dgfemi_body_solve(body, rhs, v, info);
+    dgfem_status status =
+        body->step_solver
+            ? dgfemi_solve_step(body, h, dgfemi_next_rotation(body), (const dgfem_real *)(const void *)rhs,
+                                (dgfem_real *)(void *)v, info)
+            : dgfemi_body_solve(body, rhs, v, info);
     if (!status) status = dgfemi_check_solution(body, v);
     if (status) return status;
     dgfemi_hold_elements(body, h, 1, NULL, v);
-    memcpy(body->velocity, v, size);
-    for (int i = 0; i < body->basis_count; i++)
+    for (int i = 0; i < body->basis_count; i++) {
+        if (body->step_solver) body->step_solver->change[i] = dgfemi_sub(v[i], body->velocity[i]);
         body->displacement[i] = dgfemi_add_scaled(body->displacement[i], h, v[i]);
+    }
+    memcpy(body->velocity, v, size);
     dgfemi_commit_rotation(body);
     body->time += (double)h;
     return DGFEM_OK;
@@ -19818,6 +20192,7 @@ DGFEM_API dgfem_status dgfem_body_find_eta(dgfem_body *body, dgfem_real *eta) {
     desc.hooks = body->hooks;
     if (!status && !cholesky) status = dgfem_cholesky_create(body->matrix, &desc, &cholesky);
     if (status) return status;
+    if (body->step_solver) body->step_solver->is_factored = 0;
     cholesky->hooks.log = NULL; /* the failure of a trial is no error */
     for (int doublings = 0;; doublings++) {
         status = dgfemi_try_eta(body, free_element != DGFEM_NONE, cholesky, &info);
@@ -20046,19 +20421,6 @@ DGFEM_API dgfem_status dgfem_body_momentum(const dgfem_body *body, dgfem_vec3 *l
     return DGFEM_OK;
 }
 
-static dgfem_real dgfemi_kinetic_energy(const dgfem_body *body) {
-    dgfem_real energy = 0;
-    for (int e = 0; e < body->mesh->element_count; e++) {
-        const dgfemi_element_form *form = &body->forms->elements[e];
-        const dgfem_real *mass = dgfemi_form_mass(body->forms, e);
-        const dgfem_vec3 *v = body->velocity + body->basis_start[e];
-        for (int i = 0; i < form->count; i++)
-            for (int j = 0; j < form->count; j++)
-                energy += body->material[e].density * mass[i * form->count + j] * dgfemi_dot(v[i], v[j]) / 2;
-    }
-    return energy;
-}
-
 static dgfem_real dgfemi_gravity_energy(const dgfem_body *body) {
     dgfem_real energy = 0;
     for (int e = 0; e < body->mesh->element_count; e++) {
@@ -20076,7 +20438,7 @@ DGFEM_API dgfem_status dgfem_body_energy(const dgfem_body *body, dgfem_energy *o
     dgfem_status status = dgfemi_check_out(&body->hooks, out, "energy");
     if (status) return status;
     dgfemi_rotations(body, dgfemi_next_rotation(body));
-    out->kinetic = dgfemi_kinetic_energy(body);
+    out->kinetic = (dgfem_real)(dgfemi_mass_norm(body, body->velocity) / 2);
     out->elastic = dgfemi_elastic_energy(body, dgfemi_next_rotation(body), 1, NULL);
     out->gravity = dgfemi_gravity_energy(body);
     return DGFEM_OK;
@@ -20963,6 +21325,7 @@ static dgfem_status dgfemi_renewal_make_solver(dgfemi_renewal *r) {
     if (!r->solver_kept) return dgfemi_body_create_factor(&r->next);
     dgfem_matrix_destroy(r->next.matrix);
     r->next.matrix = r->body->matrix, r->next.cholesky = r->body->cholesky, r->next.work = r->body->work;
+    r->next.step_solver = r->body->step_solver;
     return DGFEM_OK;
 }
 
@@ -20988,6 +21351,7 @@ static void dgfemi_renewal_free_body(dgfemi_renewal *r, dgfem_body *body) {
     dgfemi_free(&hooks, body->work);
     dgfem_matrix_destroy(body->matrix);
     dgfem_cholesky_destroy(body->cholesky);
+    dgfemi_step_solver_destroy(body->step_solver, &hooks);
 }
 
 /* Drops the renewal. The body is as before, but for a pool that may have grown. */
@@ -21027,6 +21391,7 @@ static dgfem_status dgfemi_renewal_make(dgfemi_renewal *r, dgfemi_edit *edit, dg
     next->displacement = next->velocity = next->force = NULL;
     next->family = next->family_parent = NULL, next->family_count = 0;
     next->forms = NULL, next->contacts = NULL, next->matrix = NULL, next->cholesky = NULL, next->work = NULL;
+    next->step_solver = NULL;
     status = DGFEM_ERROR_MEMORY;
     if (dgfemi_renewal_map_elements(r) && dgfemi_renewal_map_faces(r)) status = dgfemi_renewal_make_elements(r);
     if (!status && !(dgfemi_renewal_make_families(r) && dgfemi_renewal_make_forms(r))) status = DGFEM_ERROR_MEMORY;
@@ -21057,6 +21422,7 @@ static void dgfemi_renewal_accept(dgfemi_renewal *r) {
         condition->values = r->values[c];
     }
     *body = r->next;
+    if (r->solver_kept && body->step_solver) body->step_solver->is_factored = 0; /* elements may have changed places */
     body->desc.mesh = body->mesh;
     r->edit->mesh = last.mesh; /* which is freed with the edit */
     dgfemi_update_force(body);

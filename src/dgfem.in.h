@@ -223,6 +223,7 @@
 #include "dgfem/embed_points.c"
 #include "dgfem/contact.c"
 #include "dgfem/warp.c"
+#include "dgfem/step_solver.c"
 #include "dgfem/body.c"
 #include "dgfem/load.c"
 #include "dgfem/solve.c"

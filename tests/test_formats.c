@@ -7,35 +7,9 @@
 #include "formats_read.c"
 #include "formats_write.c"
 
-#include <sys/stat.h>
-#include <unistd.h>
+#include "check_files.h"
 
 /* ---- files of the test ---- */
-
-static char folder[64] = "/tmp/test_formats_XXXXXX";
-static char path[128];
-
-static int make_folder(void **state) {
-    (void)state;
-    return mkdtemp(folder) ? 0 : 1;
-}
-
-static int remove_folder(void **state) {
-    (void)state;
-    return rmdir(folder);
-}
-
-static const char *path_in_folder(const char *name) {
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    return path;
-}
-
-static void write_file(const char *name, const void *data, size_t size) {
-    FILE *file = fopen(path_in_folder(name), "wb");
-    assert_non_null(file);
-    assert_int_equal(fwrite(data, 1, size, file), size);
-    assert_int_equal(fclose(file), 0);
-}
 
 /* Reads bytes as a file of that name. */
 static int read_bytes(const char *name, const void *data, size_t size, formats_surface *surface, formats_error *error) {

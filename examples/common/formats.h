@@ -1,5 +1,5 @@
-/* File formats of the examples: triangle surfaces in (OBJ, PLY, STL, OFF), surfaces and element meshes out (OBJ, PLY,
-   VTU). Not part of the library; take what you need.
+/* File formats of the examples: triangle surfaces in (OBJ, PLY, STL, OFF), tetrahedral meshes in (TetGen, Gmsh),
+   surfaces and element meshes out (OBJ, PLY, VTU). Not part of the library; take what you need.
 
    Every function returns 1 on success; on failure 0, with one line in error->text that names the file and, where it
    can, the line, byte or face. Readers take any bytes: they check every count and index, and allocate only what the
@@ -35,6 +35,22 @@ typedef struct formats_surface {
    STL's equal vertices become one. On failure *out is empty. */
 int formats_read_surface(const char *path, formats_surface *out, formats_error *error);
 void formats_free_surface(formats_surface *surface);
+
+typedef struct formats_tetrahedra {
+    double *vertices; /* [3 * vertex_count] finite */
+    int *tetrahedra;  /* [4 * tetrahedron_count] 0 <= index < vertex_count; positively oriented where it has a volume */
+    int vertex_count, tetrahedron_count;
+} formats_tetrahedra;
+
+/* The ending of the path tells the format. TetGen: either of the files name.node and name.ele, numbered from 0 or 1 or
+   anyhow, 4 or 10 nodes per element. Gmsh: name.msh, ASCII, version 2.2 or 4.1; points, lines and surfaces are skipped,
+   other solids than tetrahedra refused. Elements of higher order are taken by their corners. Vertices keep the order of
+   the file; those that no tetrahedron has are left out. On failure *out is empty. */
+int formats_read_tetrahedra(const char *path, formats_tetrahedra *out, formats_error *error);
+void formats_free_tetrahedra(formats_tetrahedra *tetrahedra);
+
+/* Their mesh, by dgfem_mesh_create_tetrahedra, which logs what it refuses. hooks may be NULL. */
+dgfem_status formats_tetrahedra_mesh(const formats_tetrahedra *tetrahedra, const dgfem_hooks *hooks, dgfem_mesh **out);
 
 /* The boundary of a mesh at rest, triangulated; vertices are shared as in the mesh. *faces (may be NULL) becomes the
    mesh face of each triangle, to be freed. */

@@ -549,7 +549,13 @@ typedef enum dgfem_penalty {
     DGFEM_PENALTY_SCALAR  /* (lambda + 2 mu) on the whole jump, as the paper; locks for p = 1 */
 } dgfem_penalty;
 
-typedef enum dgfem_solver { DGFEM_SOLVER_CHOLESKY, DGFEM_SOLVER_PCG } dgfem_solver;
+/* What solves the linear system of a step. A static solve takes PCG where that is chosen, and else Cholesky. */
+typedef enum dgfem_solver {
+    DGFEM_SOLVER_AUTO,
+    DGFEM_SOLVER_STALE,    /* conjugate gradients preconditioned by an earlier factorization, turned with the elements */
+    DGFEM_SOLVER_CHOLESKY, /* a factorization in every step: exact, and the same from the same state */
+    DGFEM_SOLVER_PCG       /* conjugate gradients preconditioned by the elements' own blocks: least memory */
+} dgfem_solver;
 
 typedef struct dgfem_body_desc {
     unsigned cookie;
@@ -567,18 +573,21 @@ typedef struct dgfem_body_desc {
     dgfem_real damping_stiffness;    /* Rayleigh beta, s; default 0. Acts on velocities as stiffness on displacements:
                                         it brakes rigid turning, and takes moving fixtures to stand still */
     int warp;                        /* 1: stiffness warping (default); 0: linear elasticity */
-    dgfem_solver solver;             /* default Cholesky */
+    dgfem_solver solver;             /* default auto */
+    dgfem_real velocity_tolerance;   /* of auto and stale: error of the velocities relative to their mean, both as roots of mean
+                                        squares over the mass, or to .01 element radii in a step; default 1e-3 */
     dgfem_real solver_tolerance;     /* of PCG; default 1e-6 (float: 1e-4) */
     int solver_iterations;           /* of PCG at most; default 1000 */
     dgfem_hooks hooks;
 } dgfem_body_desc;
 
 typedef struct dgfem_step_info {
-    int iterations;           /* of PCG; 0 with Cholesky */
+    int iterations;           /* of conjugate gradients; 0 with Cholesky */
+    int factorizations;
     int sweeps;               /* static solve: solves with new rotations */
     int contacts;             /* contact points that were active */
     int failed_element;       /* whose pivot was not positive, or DGFEM_NONE */
-    dgfem_real residual;      /* of PCG; static solve: last relative change of the displacement, without warping the
+    dgfem_real residual;      /* of PCG; auto, stale: estimated error, as in velocity_tolerance; static solve: last relative change of the displacement, without warping the
                                  relative residual of the linear system */
     double seconds_assemble, seconds_contact, seconds_factor, seconds_solve; /* 0 without a clock */
 } dgfem_step_info;
@@ -675,6 +684,7 @@ DGFEM_API dgfem_real dgfem_shape_distance(const dgfem_shape *shape, dgfem_vec3 x
 
 typedef struct dgfem_forms dgfem_forms;     /* precomputed integrals, opaque */
 typedef struct dgfem_contacts dgfem_contacts;
+typedef struct dgfem_step_solver dgfem_step_solver;
 
 /* State of a solid. Read freely; change only through functions.
 
@@ -706,6 +716,7 @@ typedef struct dgfem_body {
     dgfem_contacts *contacts;
     dgfem_matrix *matrix;
     dgfem_cholesky *cholesky;
+    dgfem_step_solver *step_solver; /* NULL with Cholesky and PCG */
     dgfem_real *work;
     dgfem_hooks hooks;
 } dgfem_body;

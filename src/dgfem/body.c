@@ -1,7 +1,6 @@
 #pragma once
-#include "cholesky.c"
 #include "contact.c"
-#include "pcg.c"
+#include "step_solver.c"
 #include "warp.c"
 /* State of a solid: descriptors, creation, the block system and its solver. */
 
@@ -19,7 +18,8 @@ DGFEM_API dgfem_body_desc dgfem_default_body_desc(void) {
     desc.eta_rest = DGFEM_R(0.5);
     desc.gravity.z = DGFEM_R(-9.81);
     desc.warp = 1;
-    desc.solver = DGFEM_SOLVER_CHOLESKY;
+    desc.solver = DGFEM_SOLVER_AUTO;
+    desc.velocity_tolerance = DGFEM_R(1e-3);
     desc.solver_tolerance = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-6);
     desc.solver_iterations = 1000;
     return desc;
@@ -90,6 +90,7 @@ static dgfem_status dgfemi_check_body_scalars(const dgfem_body_desc *desc) {
     if (!status) status = dgfemi_check_not_negative(hooks, desc->damping_mass, "damping_mass");
     if (!status) status = dgfemi_check_not_negative(hooks, desc->damping_stiffness, "damping_stiffness");
     if (!status) status = dgfemi_check_positive(hooks, desc->solver_tolerance, "solver_tolerance");
+    if (!status) status = dgfemi_check_positive(hooks, desc->velocity_tolerance, "velocity_tolerance");
     if (!status && !dgfemi_is_finite3(desc->gravity))
         status = dgfemi_fail(hooks, DGFEM_ERROR_NOT_FINITE, "gravity (%g, %g, %g)", (double)desc->gravity.x,
                              (double)desc->gravity.y, (double)desc->gravity.z);
@@ -100,7 +101,7 @@ static dgfem_status dgfemi_check_body_scalars(const dgfem_body_desc *desc) {
         status = dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "unknown flux %d", (int)desc->flux);
     if (!status && ((int)desc->penalty < 0 || desc->penalty > DGFEM_PENALTY_SCALAR))
         status = dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "unknown penalty %d", (int)desc->penalty);
-    if (!status && desc->solver != DGFEM_SOLVER_CHOLESKY && desc->solver != DGFEM_SOLVER_PCG)
+    if (!status && ((int)desc->solver < 0 || desc->solver > DGFEM_SOLVER_PCG))
         status = dgfemi_fail(hooks, DGFEM_ERROR_ARGUMENT, "unknown solver %d", (int)desc->solver);
     return status;
 }
@@ -227,6 +228,10 @@ static dgfem_status dgfemi_body_create_factor(dgfem_body *body) {
             return dgfemi_fail(&body->hooks, status, "Cholesky factor of %d elements", body->mesh->element_count);
         body->cholesky->hooks.log = body->hooks.log;
     }
+    if (body->desc.solver <= DGFEM_SOLVER_STALE) {
+        body->step_solver = dgfemi_step_solver_create(body->mesh, body->matrix, body->cholesky, &body->hooks);
+        if (!body->step_solver) return DGFEM_ERROR_MEMORY;
+    }
     body->work = (dgfem_real *)dgfemi_allocate(&body->hooks, vectors, sizeof(dgfem_real));
     return body->work ? DGFEM_OK : DGFEM_ERROR_MEMORY;
 }
@@ -274,6 +279,7 @@ static void dgfemi_body_free(dgfem_body *body) {
     dgfemi_contacts_destroy(body->contacts);
     dgfem_matrix_destroy(body->matrix);
     dgfem_cholesky_destroy(body->cholesky);
+    dgfemi_step_solver_destroy(body->step_solver, &hooks);
     dgfemi_free(&hooks, body);
 }
 

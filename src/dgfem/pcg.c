@@ -1,7 +1,7 @@
 #pragma once
 #include "linalg.c"
 #include "sparse.c"
-/* Conjugate gradients, preconditioned by the inverse diagonal blocks. */
+/* Preconditioned conjugate gradients; by the inverse diagonal blocks, and for what else is near the matrix. */
 
 DGFEM_API dgfem_pcg_desc dgfem_default_pcg_desc(void) {
     dgfem_pcg_desc desc;
@@ -79,9 +79,22 @@ static int dgfemi_invert_diagonal(const dgfem_matrix *matrix, dgfem_real *invers
     return DGFEM_NONE;
 }
 
-/* z = D^-1 r */
-static void dgfemi_precondition(const dgfem_matrix *matrix, const dgfem_real *inverse, const dgfem_real *r,
-                                dgfem_real *z) {
+/* z = P^-1 r, where P is symmetric, positive definite and near the matrix. */
+typedef struct dgfemi_preconditioner {
+    void (*apply)(void *context, const dgfem_real *r, dgfem_real *z);
+    void *context;
+} dgfemi_preconditioner;
+
+/* P = D, the diagonal blocks. */
+typedef struct dgfemi_jacobi {
+    const dgfem_matrix *matrix;
+    dgfem_real *inverse; /* of the blocks */
+} dgfemi_jacobi;
+
+static void dgfemi_apply_jacobi(void *context, const dgfem_real *r, dgfem_real *z) {
+    const dgfemi_jacobi *jacobi = (const dgfemi_jacobi *)context;
+    const dgfem_matrix *matrix = jacobi->matrix;
+    const dgfem_real *inverse = jacobi->inverse;
     int k;
     memset(z, 0, (size_t)matrix->size * sizeof *z);
     for (k = 0; k < matrix->block_count; k++) {
@@ -95,66 +108,89 @@ static void dgfemi_precondition(const dgfem_matrix *matrix, const dgfem_real *in
 
 typedef struct dgfemi_pcg {
     const dgfem_matrix *matrix;
+    dgfemi_preconditioner preconditioner;
     const dgfem_real *b;
     dgfem_real *x;
-    dgfem_real *r, *z, *p, *q; /* residual, D^-1 r, direction, A p */
-    dgfem_real *best;          /* the iterate of the smallest residual */
-    dgfem_real *inverse;       /* of the diagonal blocks */
-    double norm;               /* b . D^-1 b */
-    double rho;                /* r . D^-1 r */
-    double best_rho;
+    dgfem_real *r, *z, *p, *q; /* residual, P^-1 r, direction, A p */
+    dgfem_real step;           /* x moved last by step * p */
+    double rho;                /* r . P^-1 r */
 } dgfemi_pcg;
 
-static void dgfemi_pcg_set_best(dgfemi_pcg *s) {
-    s->best_rho = s->rho;
-    memcpy(s->best, s->x, (size_t)s->matrix->size * sizeof *s->x);
-}
-
-/* The residual itself, not as carried along; and a new start from it. */
-static void dgfemi_pcg_restart(dgfemi_pcg *s) {
-    int n = s->matrix->size, i;
+/* The residual itself, not as carried along. */
+static void dgfemi_pcg_residual(dgfemi_pcg *s) {
+    int i;
     dgfem_matrix_multiply(s->matrix, s->x, s->q);
-    for (i = 0; i < n; i++) s->r[i] = s->b[i] - s->q[i];
-    dgfemi_precondition(s->matrix, s->inverse, s->r, s->z);
-    memcpy(s->p, s->z, (size_t)n * sizeof *s->p);
-    s->rho = dgfemi_vector_dot(n, s->r, s->z);
-    dgfemi_pcg_set_best(s);
+    for (i = 0; i < s->matrix->size; i++) s->r[i] = s->b[i] - s->q[i];
 }
 
-/* One step of Hestenes and Stiefel. 0 on breakdown: A or D^-1 is not positive definite, or a number not finite. */
-static int dgfemi_pcg_iterate(dgfemi_pcg *s) {
+/* The next direction, conjugate to the last one; the first where `last`, the rho of the last one, is 0. Returns 0 on
+   breakdown: P is not positive definite, or a number is not finite. */
+static int dgfemi_pcg_turn(dgfemi_pcg *s, double last) {
+    s->preconditioner.apply(s->preconditioner.context, s->r, s->z);
+    s->rho = dgfemi_vector_dot(s->matrix->size, s->r, s->z);
+    if (!(s->rho >= 0) || !(s->rho - s->rho == 0)) return 0;
+    if (last > 0) dgfemi_vector_scale_add(s->matrix->size, s->z, (dgfem_real)(s->rho / last), s->p);
+    else memcpy(s->p, s->z, (size_t)s->matrix->size * sizeof *s->p);
+    return 1;
+}
+
+/* x += step p, to the smallest error along p in the norm of A, and r with it. Returns 0 on breakdown: A is not positive
+   definite, or a number is not finite. `descent` is r . p. */
+static int dgfemi_pcg_advance(dgfemi_pcg *s, double descent) {
     int n = s->matrix->size;
-    double curvature, rho;
-    dgfem_real step;
+    double curvature;
     dgfem_matrix_multiply(s->matrix, s->p, s->q);
     curvature = dgfemi_vector_dot(n, s->p, s->q);
-    step = (dgfem_real)(s->rho / curvature);
-    if (!(curvature > 0) || !(step > 0) || !dgfemi_is_finite(step)) return 0;
-    dgfemi_vector_add(n, step, s->p, s->x);
-    dgfemi_vector_add(n, -step, s->q, s->r);
-    dgfemi_precondition(s->matrix, s->inverse, s->r, s->z);
-    rho = dgfemi_vector_dot(n, s->r, s->z);
-    if (!(rho >= 0) || !(rho - rho == 0)) return 0;
-    dgfemi_vector_scale_add(n, s->z, (dgfem_real)(rho / s->rho), s->p);
-    s->rho = rho;
+    s->step = (dgfem_real)(descent / curvature);
+    if (!(curvature > 0) || !dgfemi_is_finite(s->step)) return 0;
+    dgfemi_vector_add(n, s->step, s->p, s->x);
+    dgfemi_vector_add(n, -s->step, s->q, s->r);
     return 1;
+}
+
+/* Conjugate gradients to a given residual. */
+typedef struct dgfemi_pcg_run {
+    dgfemi_pcg cg;
+    dgfem_real *best; /* the iterate of the smallest residual */
+    double best_rho;
+    double norm;      /* b . P^-1 b */
+} dgfemi_pcg_run;
+
+static void dgfemi_pcg_set_best(dgfemi_pcg_run *run) {
+    run->best_rho = run->cg.rho;
+    memcpy(run->best, run->cg.x, (size_t)run->cg.matrix->size * sizeof *run->best);
+}
+
+static int dgfemi_pcg_restart(dgfemi_pcg_run *run) {
+    int good;
+    dgfemi_pcg_residual(&run->cg);
+    good = dgfemi_pcg_turn(&run->cg, 0);
+    dgfemi_pcg_set_best(run);
+    return good;
+}
+
+/* One step of Hestenes and Stiefel. 0 on breakdown. */
+static int dgfemi_pcg_iterate(dgfemi_pcg *s) {
+    double last = s->rho;
+    return last > 0 && dgfemi_pcg_advance(s, last) && dgfemi_pcg_turn(s, last);
 }
 
 /* 1 when converged. The residual that is carried along drifts from the true one, and keeps falling where that cannot:
    when it is small enough, or as small as round-off, the true one is computed and the iteration starts anew from it, as
    long as this gains something. */
-static int dgfemi_pcg_run(dgfemi_pcg *s, const dgfem_pcg_desc *desc, int *iterations) {
-    double target = (double)desc->tolerance * (double)desc->tolerance * s->norm;
-    double noise = (double)DGFEM_EPSILON * (double)DGFEM_EPSILON * s->norm, last_true;
+static int dgfemi_pcg_converge(dgfemi_pcg_run *run, const dgfem_pcg_desc *desc, int *iterations) {
+    dgfemi_pcg *s = &run->cg;
+    double target = (double)desc->tolerance * (double)desc->tolerance * run->norm;
+    double noise = (double)DGFEM_EPSILON * (double)DGFEM_EPSILON * run->norm, last_true;
     *iterations = 0;
-    dgfemi_pcg_restart(s);
+    (void)dgfemi_pcg_restart(run);
     last_true = s->rho;
     while (!(s->rho <= target)) {
         if (*iterations == desc->max_iterations || !dgfemi_pcg_iterate(s)) return 0;
         ++*iterations;
-        if (s->rho < s->best_rho) dgfemi_pcg_set_best(s);
+        if (s->rho < run->best_rho) dgfemi_pcg_set_best(run);
         if (s->rho > target && s->rho > noise) continue;
-        dgfemi_pcg_restart(s);
+        (void)dgfemi_pcg_restart(run);
         if (s->rho > target && !(s->rho < last_true / 4)) return 0;
         last_true = s->rho;
     }
@@ -164,26 +200,32 @@ static int dgfemi_pcg_run(dgfemi_pcg *s, const dgfem_pcg_desc *desc, int *iterat
 /* `work` has room for dgfem_pcg_work_size. Returns OK, NOT_POSITIVE_DEFINITE or NOT_CONVERGED. */
 static dgfem_status dgfemi_pcg_solve(const dgfem_matrix *matrix, const dgfem_pcg_desc *desc, const dgfem_real *b,
                                      dgfem_real *x, dgfem_real *work, dgfem_pcg_info *info) {
-    dgfemi_pcg solver, *s = &solver;
+    dgfemi_pcg_run run;
+    dgfemi_pcg *s = &run.cg;
+    dgfemi_jacobi jacobi;
     size_t n = (size_t)matrix->size;
     int converged;
+    memset(&run, 0, sizeof run);
+    jacobi.matrix = matrix;
+    jacobi.inverse = work + 5 * n;
     s->matrix = matrix;
+    s->preconditioner.apply = dgfemi_apply_jacobi;
+    s->preconditioner.context = &jacobi;
     s->b = b;
     s->x = x;
-    s->r = work, s->z = work + n, s->p = work + 2 * n, s->q = work + 3 * n, s->best = work + 4 * n;
-    s->inverse = work + 5 * n;
-    info->failed_block = dgfemi_invert_diagonal(matrix, s->inverse);
+    s->r = work, s->z = work + n, s->p = work + 2 * n, s->q = work + 3 * n, run.best = work + 4 * n;
+    info->failed_block = dgfemi_invert_diagonal(matrix, jacobi.inverse);
     if (info->failed_block != DGFEM_NONE) return DGFEM_ERROR_NOT_POSITIVE_DEFINITE;
-    dgfemi_precondition(matrix, s->inverse, b, s->z);
-    s->norm = dgfemi_vector_dot(matrix->size, b, s->z);
+    dgfemi_apply_jacobi(&jacobi, b, s->z);
+    run.norm = dgfemi_vector_dot(matrix->size, b, s->z);
     info->residual = (dgfem_real)HUGE_VAL;
-    if (!(s->norm > 0) || !(s->norm - s->norm == 0)) return DGFEM_ERROR_NOT_CONVERGED;
-    converged = dgfemi_pcg_run(s, desc, &info->iterations);
+    if (!(run.norm > 0) || !(run.norm - run.norm == 0)) return DGFEM_ERROR_NOT_CONVERGED;
+    converged = dgfemi_pcg_converge(&run, desc, &info->iterations);
     if (!converged) {
-        memcpy(x, s->best, n * sizeof *x);
-        dgfemi_pcg_restart(s);
+        memcpy(x, run.best, n * sizeof *x);
+        (void)dgfemi_pcg_restart(&run);
     }
-    info->residual = (dgfem_real)sqrt(s->rho / s->norm);
+    info->residual = (dgfem_real)sqrt(s->rho / run.norm);
     return converged ? DGFEM_OK : DGFEM_ERROR_NOT_CONVERGED;
 }
 

@@ -439,6 +439,7 @@ static dgfem_status dgfemi_renewal_make_solver(dgfemi_renewal *r) {
     if (!r->solver_kept) return dgfemi_body_create_factor(&r->next);
     dgfem_matrix_destroy(r->next.matrix);
     r->next.matrix = r->body->matrix, r->next.cholesky = r->body->cholesky, r->next.work = r->body->work;
+    r->next.step_solver = r->body->step_solver;
     return DGFEM_OK;
 }
 
@@ -464,6 +465,7 @@ static void dgfemi_renewal_free_body(dgfemi_renewal *r, dgfem_body *body) {
     dgfemi_free(&hooks, body->work);
     dgfem_matrix_destroy(body->matrix);
     dgfem_cholesky_destroy(body->cholesky);
+    dgfemi_step_solver_destroy(body->step_solver, &hooks);
 }
 
 /* Drops the renewal. The body is as before, but for a pool that may have grown. */
@@ -503,6 +505,7 @@ static dgfem_status dgfemi_renewal_make(dgfemi_renewal *r, dgfemi_edit *edit, dg
     next->displacement = next->velocity = next->force = NULL;
     next->family = next->family_parent = NULL, next->family_count = 0;
     next->forms = NULL, next->contacts = NULL, next->matrix = NULL, next->cholesky = NULL, next->work = NULL;
+    next->step_solver = NULL;
     status = DGFEM_ERROR_MEMORY;
     if (dgfemi_renewal_map_elements(r) && dgfemi_renewal_map_faces(r)) status = dgfemi_renewal_make_elements(r);
     if (!status && !(dgfemi_renewal_make_families(r) && dgfemi_renewal_make_forms(r))) status = DGFEM_ERROR_MEMORY;
@@ -533,6 +536,7 @@ static void dgfemi_renewal_accept(dgfemi_renewal *r) {
         condition->values = r->values[c];
     }
     *body = r->next;
+    if (r->solver_kept && body->step_solver) body->step_solver->is_factored = 0; /* elements may have changed places */
     body->desc.mesh = body->mesh;
     r->edit->mesh = last.mesh; /* which is freed with the edit */
     dgfemi_update_force(body);

@@ -25,11 +25,13 @@ static dgfem_status dgfemi_body_solve(dgfem_body *body, const dgfem_vec3 *rhs, d
         info->seconds_solve += dgfemi_clock(hooks) - start;
         return status;
     }
+    if (body->step_solver) body->step_solver->is_factored = 0;
     dgfem_cholesky_info factor;
     status = dgfem_cholesky_factor(body->cholesky, body->matrix, &factor);
     double middle = dgfemi_clock(hooks);
     info->seconds_factor += middle - start;
     info->failed_element = factor.failed_block;
+    info->factorizations++;
     if (!status) status = dgfem_cholesky_solve(body->cholesky, b, out);
     info->seconds_solve += dgfemi_clock(hooks) - middle;
     return status;
@@ -156,13 +158,19 @@ static dgfem_status dgfemi_step(dgfem_body *body, dgfem_real h, dgfem_step_info 
     size_t size = (size_t)body->basis_count * sizeof *v;
     dgfemi_assemble_step(body, h, rhs, info);
     memcpy(v, body->velocity, size);
-    dgfem_status status = dgfemi_body_solve(body, rhs, v, info);
+    dgfem_status status =
+        body->step_solver
+            ? dgfemi_solve_step(body, h, dgfemi_next_rotation(body), (const dgfem_real *)(const void *)rhs,
+                                (dgfem_real *)(void *)v, info)
+            : dgfemi_body_solve(body, rhs, v, info);
     if (!status) status = dgfemi_check_solution(body, v);
     if (status) return status;
     dgfemi_hold_elements(body, h, 1, NULL, v);
-    memcpy(body->velocity, v, size);
-    for (int i = 0; i < body->basis_count; i++)
+    for (int i = 0; i < body->basis_count; i++) {
+        if (body->step_solver) body->step_solver->change[i] = dgfemi_sub(v[i], body->velocity[i]);
         body->displacement[i] = dgfemi_add_scaled(body->displacement[i], h, v[i]);
+    }
+    memcpy(body->velocity, v, size);
     dgfemi_commit_rotation(body);
     body->time += (double)h;
     return DGFEM_OK;

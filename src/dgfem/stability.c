@@ -189,6 +189,7 @@ DGFEM_API dgfem_status dgfem_body_find_eta(dgfem_body *body, dgfem_real *eta) {
     desc.hooks = body->hooks;
     if (!status && !cholesky) status = dgfem_cholesky_create(body->matrix, &desc, &cholesky);
     if (status) return status;
+    if (body->step_solver) body->step_solver->is_factored = 0;
     cholesky->hooks.log = NULL; /* the failure of a trial is no error */
     for (int doublings = 0;; doublings++) {
         status = dgfemi_try_eta(body, free_element != DGFEM_NONE, cholesky, &info);

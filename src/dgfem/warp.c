@@ -380,6 +380,21 @@ static void dgfemi_assemble_mass(const dgfem_body *body, dgfem_real s, dgfem_mat
     }
 }
 
+/* v . M v */
+static double dgfemi_mass_norm(const dgfem_body *body, const dgfem_vec3 *v) {
+    double norm = 0;
+    for (int e = 0; e < body->mesh->element_count; e++) {
+        const dgfemi_element_form *form = &body->forms->elements[e];
+        const dgfem_real *mass = dgfemi_form_mass(body->forms, e);
+        const dgfem_vec3 *u = v + body->basis_start[e];
+        dgfem_real sum = 0;
+        for (int i = 0; i < form->count; i++)
+            for (int j = 0; j < form->count; j++) sum += mass[i * form->count + j] * dgfemi_dot(u[i], u[j]);
+        norm += (double)(body->material[e].density * sum);
+    }
+    return norm;
+}
+
 /* out += s M v */
 static void dgfemi_add_mass_product(const dgfem_body *body, dgfem_real s, const dgfem_vec3 *v, dgfem_vec3 *out) {
     for (int e = 0; e < body->mesh->element_count; e++) {
