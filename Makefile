@@ -13,7 +13,7 @@ export CC JOBS
 PRODUCTS := $(wildcard dgfem.h dgfem_shell.h dgfem_mvc.h)
 TESTS := $(patsubst tests/%.c,%,$(wildcard tests/test_*.c))
 EXAMPLES := $(patsubst examples/%.c,build/examples/%,$(wildcard examples/*.c))
-BENCHES := $(patsubst bench/%.c,build/bench/%,$(wildcard bench/bench_*.c))
+BENCHES := $(patsubst bench/%.c,build/bench/%,$(wildcard bench/bench_*.c)) build/bench/bench_step_float
 COMMON := $(wildcard examples/common/*.h examples/common/*.c)
 # What all examples are linked with, compiled once.
 OBJECTS := $(PRODUCTS:%.h=build/%.o) $(patsubst examples/common/%.c,build/common/%.o,$(filter %.c,$(COMMON)))
@@ -150,18 +150,43 @@ check-long: ## the long campaigns of the tests, with all sanitizers, and all tes
 
 # ---- benchmarks -----------------------------------------------------------------------------------------------------
 
-# The solver's peer, where it is installed.
-build/bench/bench_solver: PEERS = $(shell echo 'int main(void) { return 0; }' | \
+# The solvers' peers, where they are installed. Eigen needs a C++ compiler.
+CHOLMOD = $(shell echo 'int main(void) { return 0; }' | \
 	$(CC) -include suitesparse/cholmod.h -o build/bench/probe -x c - -lcholmod -lopenblas 2> /dev/null && \
 	rm build/bench/probe && echo -DHAVE_CHOLMOD -lcholmod -lopenblas)
+EIGEN = $(shell test -e build/bench/eigen.o && echo -DHAVE_EIGEN build/bench/eigen.o -lstdc++)
 
+build/bench/bench_solver: PEERS = $(CHOLMOD)
 build/bench/%: bench/%.c $(PRODUCTS) $(COMMON) $(wildcard bench/*.h)
 	@mkdir -p $(@D)
 	@$(CC) -std=c99 $(POSIX) $(BENCH_FLAGS) $(WARNINGS) $(INCLUDES) -Ibench -o $@.$$$$ $< \
 	$(filter examples/common/%.c,$^) $(PEERS) -lm && mv $@.$$$$ $@
 
+build/bench/eigen.o: bench/eigen.cpp
+	@mkdir -p $(@D)
+	@$(CXX) $(BENCH_FLAGS) -DNDEBUG -isystem /usr/include/eigen3 -c -o $@ $< 2> /dev/null || rm -f $@
+
+# Programs that call only public functions share one object of each precision.
+BENCH_LINK = $(CC) -std=c99 $(POSIX) $(BENCH_FLAGS) $(WARNINGS) $(INCLUDES) -DDGFEM_IMPLEMENTED \
+	-DDGFEM_MVC_IMPLEMENTED -o $@.$$$$ $(filter-out %/eigen.o,$(filter %.c %.o,$^)) $(PEERS) -pthread -lm && mv $@.$$$$ $@
+build/bench/float.o build/bench/bench_step_float: BENCH_FLAGS += -DDGFEM_REAL=float
+build/bench/bench_step build/bench/bench_step_float: PEERS = $(CHOLMOD) $(EIGEN)
+
+build/bench/double.o build/bench/float.o: dgfem_mvc.h dgfem.h
+	@mkdir -p $(@D)
+	@$(CC) -std=c99 $(POSIX) $(BENCH_FLAGS) $(WARNINGS) -DDGFEM_IMPLEMENTATION -x c -c -o $@.$$$$ $< && mv $@.$$$$ $@
+
+build/bench/reference.o: bench/reference.c $(wildcard bench/*.h) dgfem.h
+	@mkdir -p $(@D)
+	@$(CC) -std=c99 $(POSIX) -O3 -march=native $(WARNINGS) $(INCLUDES) -c -o $@.$$$$ $< && mv $@.$$$$ $@
+
+build/bench/bench_step: build/bench/double.o build/bench/reference.o
+build/bench/bench_step_float: build/bench/float.o build/bench/reference.o
+build/bench/bench_step build/bench/bench_step_float: bench/bench_step.c build/bench/eigen.o $(COMMON) $(wildcard bench/*.h)
+	@$(BENCH_LINK)
+
 bench: ## builds and runs the benchmarks
-	@.ci/need --optional npm libsuitesparse-dev libopenblas-dev
+	@.ci/need --optional npm libsuitesparse-dev libopenblas-dev libeigen3-dev g++ gnuplot-nox
 	@$(MAKE) --no-print-directory build/bunny.obj $(BENCHES)
 	@for program in $(BENCHES); do echo "-- $$program"; \
 	OMP_THREAD_LIMIT=1 OPENBLAS_NUM_THREADS=1 $$program || exit 1; done

@@ -16,45 +16,11 @@
 #define DGFEM_IMPLEMENTATION
 #include "dgfem.h"
 
+#include "bench.h"
 #include "formats.h"
 #include "model.h"
+#include "peers.h"
 #include "program.h"
-
-#ifdef HAVE_CHOLMOD
-#include <suitesparse/cholmod.h>
-#endif
-
-enum { MAX_REPEATS = 40 };
-
-static int use_cpu_time;
-
-static double seconds(void) {
-    struct timespec t;
-    clock_gettime(use_cpu_time ? CLOCK_PROCESS_CPUTIME_ID : CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
-
-static void *room(size_t count, size_t size) {
-    void *p = calloc(count + 1, size);
-    if (!p) {
-        fprintf(stderr, "bench_solver: out of memory\n");
-        exit(1);
-    }
-    return p;
-}
-
-static void expect(int good, const char *what) {
-    if (good) return;
-    fprintf(stderr, "bench_solver: %s failed\n", what);
-    exit(1);
-}
-
-/* Uniform in -0.5..0.5, the same in every run. */
-static dgfem_real noise(void) {
-    static uint64_t state = 1;
-    state = state * 6364136223846793005u + 1442695040888963407u;
-    return (dgfem_real)((double)(state >> 11) * (1.0 / 9007199254740992.0) - 0.5);
-}
 
 /* ---- the systems ---- */
 
@@ -105,81 +71,19 @@ static dgfem_matrix *make_grid(int n, int width) {
     return matrix;
 }
 
-/* ---- figures ---- */
-
-typedef struct figures {
-    double analyse[MAX_REPEATS], factor[MAX_REPEATS], solve[MAX_REPEATS], all[MAX_REPEATS]; /* seconds */
-    int count;
-    double flops, entries, bytes;
-    double residual; /* largest |b - A x| */
-} figures;
-
-static int compare_doubles(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-static double least(const double *values, int count) {
-    double best = values[0];
-    for (int i = 1; i < count; i++) best = fmin(best, values[i]);
-    return best;
-}
-
-static double median(const double *values, int count) {
-    double sorted[MAX_REPEATS];
-    memcpy(sorted, values, (size_t)count * sizeof *values);
-    qsort(sorted, (size_t)count, sizeof *sorted, compare_doubles);
-    return count % 2 ? sorted[count / 2] : 0.5 * (sorted[count / 2 - 1] + sorted[count / 2]);
-}
-
-static void record(figures *f, double t0, double t1, double t2, double t3) {
-    f->analyse[f->count] = t1 - t0;
-    f->factor[f->count] = t2 - t1;
-    f->solve[f->count] = t3 - t2;
-    f->all[f->count++] = t3 - t0;
-}
-
-static double residual(const dgfem_matrix *matrix, const dgfem_real *b, const dgfem_real *x) {
-    dgfem_real *y = (dgfem_real *)room((size_t)matrix->size, sizeof(dgfem_real));
-    double worst = 0;
-    dgfem_matrix_multiply(matrix, x, y);
-    for (int i = 0; i < matrix->size; i++) {
-        double error = fabs((double)b[i] - (double)y[i]);
-        if (!(error <= worst)) worst = error;
-    }
-    free(y);
-    return worst;
-}
-
 /* ---- dgfem ---- */
-
-/* Counts the bytes that are allocated, each block's in a header before it. */
-static void *count_bytes(void *user, void *pointer, size_t size) {
-    double *live = (double *)user;
-    size_t *block = pointer ? (size_t *)pointer - 2 : NULL;
-    if (block) *live -= (double)*block;
-    if (size == 0) {
-        free(block);
-        return NULL;
-    }
-    block = (size_t *)realloc(block, size + 2 * sizeof *block);
-    expect(block != NULL, "malloc");
-    *block = size;
-    *live += (double)size;
-    return block + 2;
-}
 
 /* What an analysed system keeps, and its order. */
 static void analyse_once(const dgfem_matrix *matrix, figures *f, int *order) {
     dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
     dgfem_cholesky *cholesky = NULL;
-    desc.hooks.reallocate = count_bytes;
-    desc.hooks.reallocate_user = &f->bytes;
+    counted memory;
+    memset(&memory, 0, sizeof memory);
+    desc.hooks = bench_hooks(&memory);
     expect(dgfem_cholesky_create(matrix, &desc, &cholesky) == DGFEM_OK, "dgfem_cholesky_create");
-    double bytes = f->bytes;
+    f->bytes = memory.live;
     memcpy(order, cholesky->order, (size_t)matrix->block_count * sizeof *order);
     dgfem_cholesky_destroy(cholesky);
-    f->bytes = bytes;
 }
 
 static void run_dgfem(const dgfem_matrix *matrix, dgfem_simd simd, const dgfem_real *b, dgfem_real *x, figures *f) {
@@ -209,103 +113,6 @@ static double time_product(const dgfem_matrix *matrix, const dgfem_real *b, dgfe
     }
     return best;
 }
-
-/* ---- CHOLMOD ---- */
-
-#ifdef HAVE_CHOLMOD
-typedef enum setting { UNKNOWNS_METIS, UNKNOWNS_AMD, BLOCKS_METIS, BLOCKS_AMD, GIVEN, SETTINGS } setting;
-
-static const char *const setting_names[SETTINGS] = {"METIS", "AMD", "block METIS", "block AMD", "our order"};
-
-/* The lower half in compressed columns, which is the rows of blocks read as columns of the upper half. */
-static cholmod_sparse *to_cholmod(const dgfem_matrix *matrix, cholmod_common *common) {
-    cholmod_sparse *a = cholmod_allocate_sparse((size_t)matrix->size, (size_t)matrix->size,
-                                                matrix->value_start[matrix->row_start[matrix->block_count]], 1, 1, 1,
-                                                CHOLMOD_REAL, common);
-    int *start = (int *)a->p, *row = (int *)a->i;
-    double *value = (double *)a->x;
-    for (int r = 0; r < matrix->block_count; r++)
-        for (int i = 0; i < matrix->offset[r + 1] - matrix->offset[r]; i++) {
-            int column = matrix->offset[r] + i, at = start[column];
-            for (int k = matrix->row_start[r]; k < matrix->row_start[r + 1]; k++) {
-                int first = matrix->offset[matrix->column[k]], width = matrix->offset[matrix->column[k] + 1] - first;
-                for (int j = 0; j < width && first + j <= column; j++) {
-                    row[at] = first + j;
-                    value[at++] = (double)matrix->values[matrix->value_start[k] + (size_t)(i * width + j)];
-                }
-            }
-            start[column + 1] = at;
-        }
-    return a;
-}
-
-/* The graph of blocks, upper half. */
-static cholmod_sparse *block_graph(const dgfem_matrix *matrix, cholmod_common *common) {
-    int n = matrix->block_count;
-    cholmod_sparse *a = cholmod_allocate_sparse((size_t)n, (size_t)n, (size_t)matrix->row_start[n], 1, 1, 1,
-                                                CHOLMOD_PATTERN, common);
-    memcpy(a->p, matrix->row_start, ((size_t)n + 1) * sizeof(int));
-    memcpy(a->i, matrix->column, (size_t)matrix->row_start[n] * sizeof(int));
-    return a;
-}
-
-/* order becomes METIS's or AMD's of the graph of blocks. */
-static void order_blocks(const dgfem_matrix *matrix, setting how, int *order, cholmod_common *common) {
-    cholmod_sparse *graph = block_graph(matrix, common);
-    if (how == BLOCKS_METIS) expect(cholmod_metis(graph, NULL, 0, 1, order, common), "cholmod_metis");
-    else expect(cholmod_amd(graph, NULL, 0, order, common), "cholmod_amd");
-    cholmod_free_sparse(&graph, common);
-}
-
-/* x receives the solution. `own` is dgfem's order. */
-static void run_cholmod(const dgfem_matrix *matrix, cholmod_sparse *a, setting how, const int *own, const dgfem_real *b,
-                        dgfem_real *x, figures *f, cholmod_common *common) {
-    int *order = (int *)room((size_t)matrix->block_count, sizeof(int));
-    int *unknowns = (int *)room((size_t)matrix->size, sizeof(int)), used = 0;
-    cholmod_dense *rhs = cholmod_allocate_dense((size_t)matrix->size, 1, (size_t)matrix->size, CHOLMOD_REAL, common);
-    for (int k = 0; k < matrix->size; k++) ((double *)rhs->x)[k] = (double)b[k];
-    common->supernodal = CHOLMOD_SUPERNODAL;
-    common->nmethods = 1;
-    common->method[0].ordering = how == UNKNOWNS_METIS ? CHOLMOD_METIS : how == UNKNOWNS_AMD ? CHOLMOD_AMD : CHOLMOD_GIVEN;
-    double t0 = seconds();
-    if (how == GIVEN) memcpy(order, own, (size_t)matrix->block_count * sizeof *order);
-    else if (how >= BLOCKS_METIS) order_blocks(matrix, how, order, common);
-    for (int k = 0; how >= BLOCKS_METIS && k < matrix->block_count; k++)
-        for (int i = matrix->offset[order[k]]; i < matrix->offset[order[k] + 1]; i++) unknowns[used++] = i;
-    cholmod_factor *factor =
-        how < BLOCKS_METIS ? cholmod_analyze(a, common) : cholmod_analyze_p(a, unknowns, NULL, 0, common);
-    double t1 = seconds();
-    expect(cholmod_factorize(a, factor, common), "cholmod_factorize");
-    double t2 = seconds();
-    f->flops = common->fl;
-    f->entries = common->lnz;
-    cholmod_dense *result = cholmod_solve(CHOLMOD_A, factor, rhs, common);
-    record(f, t0, t1, t2, seconds());
-    f->bytes = (double)factor->xsize * sizeof(double) + (double)factor->ssize * sizeof(int);
-    for (int k = 0; k < matrix->size; k++) x[k] = (dgfem_real)((double *)result->x)[k];
-    cholmod_free_dense(&result, common);
-    cholmod_free_factor(&factor, common);
-    cholmod_free_dense(&rhs, common);
-    free(order);
-    free(unknowns);
-    if (f->count == 1) f->residual = residual(matrix, b, x);
-}
-
-/* The stock setting that takes least time in all. */
-static setting best_setting(const dgfem_matrix *matrix, cholmod_sparse *a, const dgfem_real *b, dgfem_real *x,
-                            cholmod_common *common) {
-    double best = 1e300;
-    setting found = UNKNOWNS_METIS;
-    for (int how = UNKNOWNS_METIS; how < GIVEN; how++)
-        for (int repeat = 0; repeat < (matrix->size < 20000 ? 3 : 1); repeat++) {
-            figures f;
-            memset(&f, 0, sizeof f);
-            run_cholmod(matrix, a, (setting)how, NULL, b, x, &f, common);
-            if (f.all[0] < best) best = f.all[0], found = (setting)how;
-        }
-    return found;
-}
-#endif
 
 /* ---- tables ---- */
 

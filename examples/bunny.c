@@ -90,19 +90,11 @@ static int make_skin(scene *s) {
     return dgfem_skin_create(s->body, &desc, &s->skin) == DGFEM_OK;
 }
 
-/* The skin's vertices are what touches: each stands for a third of the triangles around it. */
+/* The skin's vertices are what touches. */
 static int make_contact_points(scene *s) {
     dgfem_real *areas = (dgfem_real *)calloc((size_t)s->surface.vertex_count, sizeof *areas);
     if (!areas) return 0;
-    for (int t = 0; t < s->surface.triangle_count; t++) {
-        const int *corner = s->surface.triangles + 3 * t;
-        const double *a = s->surface.vertices + 3 * corner[0], *b = s->surface.vertices + 3 * corner[1];
-        const double *c = s->surface.vertices + 3 * corner[2];
-        double u[3], v[3];
-        for (int k = 0; k < 3; k++) u[k] = b[k] - a[k], v[k] = c[k] - a[k];
-        double x = u[1] * v[2] - u[2] * v[1], y = u[2] * v[0] - u[0] * v[2], z = u[0] * v[1] - u[1] * v[0];
-        for (int k = 0; k < 3; k++) areas[corner[k]] += (dgfem_real)(sqrt(x * x + y * y + z * z) / 6);
-    }
+    model_vertex_areas(&s->surface, areas);
     dgfem_points_in points = dgfem_points_in_double(s->surface.vertices, s->surface.vertex_count);
     dgfem_status status = dgfem_body_set_contact_points(s->body, points, areas);
     free(areas);

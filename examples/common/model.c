@@ -68,3 +68,16 @@ int model_read(const char *path, formats_surface *out) {
     stand_up(out);
     return 1;
 }
+
+void model_vertex_areas(const formats_surface *surface, dgfem_real *areas) {
+    for (int v = 0; v < surface->vertex_count; v++) areas[v] = 0;
+    for (int t = 0; t < surface->triangle_count; t++) {
+        const int *corner = surface->triangles + 3 * t;
+        const double *a = surface->vertices + 3 * corner[0], *b = surface->vertices + 3 * corner[1];
+        const double *c = surface->vertices + 3 * corner[2];
+        double u[3], v[3];
+        for (int k = 0; k < 3; k++) u[k] = b[k] - a[k], v[k] = c[k] - a[k];
+        double x = u[1] * v[2] - u[2] * v[1], y = u[2] * v[0] - u[0] * v[2], z = u[0] * v[1] - u[1] * v[0];
+        for (int k = 0; k < 3; k++) areas[corner[k]] += (dgfem_real)(sqrt(x * x + y * y + z * z) / 6);
+    }
+}

@@ -10,4 +10,7 @@ int model_read(const char *path, formats_surface *out);
 /* A sphere with five bumps around its waist and two horns, y up. 0 when out of memory. */
 int model_make(formats_surface *out);
 
+/* areas[vertex_count]: a third of the triangles around each vertex. */
+void model_vertex_areas(const formats_surface *surface, dgfem_real *areas);
+
 #endif

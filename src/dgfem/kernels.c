@@ -1,5 +1,5 @@
-/* Dense kernels of the sparse Cholesky factorization and of products with blocks, written once: this part is inserted for
-   each instruction set, which panel.c describes by
+/* Dense kernels of the sparse Cholesky factorization, of products with blocks and of assembly, written once: this part
+   is inserted for each instruction set, which panel.c describes by
 
        DGFEM_PATH(name)                       the name with the instruction set's suffix
        DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
@@ -511,6 +511,28 @@ static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int
         }
 }
 
+/* ---- 3x3 matrices ---- */
+
+/* out = a b: `rows` matrices of 3x3 as sums of `inner` ones, those of b, with the factors in a. A matrix takes
+   DGFEM_MATRIX_STRIDE reals; those after the ninth are not looked at. */
+static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out) {
+    enum { VECTORS = (9 + DGFEM_V_LANES - 1) / DGFEM_V_LANES };
+    int k, v;
+    for (; rows > 0; rows--, a += inner, out += DGFEM_MATRIX_STRIDE) {
+        DGFEM_VECTOR sum[VECTORS];
+        DGFEM_UNROLL
+        for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_MUL(DGFEM_V_LOAD(b + v * DGFEM_V_LANES), DGFEM_V_ALL(a[0]));
+        for (k = 1; k < inner; k++) {
+            DGFEM_VECTOR factor = DGFEM_V_ALL(a[k]);
+            DGFEM_UNROLL
+            for (v = 0; v < VECTORS; v++)
+                sum[v] = DGFEM_V_FMA(DGFEM_V_LOAD(b + k * DGFEM_MATRIX_STRIDE + v * DGFEM_V_LANES), factor, sum[v]);
+        }
+        DGFEM_UNROLL
+        for (v = 0; v < VECTORS; v++) DGFEM_V_STORE(out + v * DGFEM_V_LANES, sum[v]);
+    }
+}
+
 static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
     static const dgfemi_kernels kernels = {
         DGFEM_PATH_ID,
@@ -526,6 +548,7 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
         DGFEM_PATH(dgfemi_solve_panel),
         DGFEM_PATH(dgfemi_solve_panel_transposed),
         DGFEM_PATH(dgfemi_multiply_block),
+        DGFEM_PATH(dgfemi_combine),
     };
     return &kernels;
 }

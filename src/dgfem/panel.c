@@ -49,7 +49,10 @@ typedef struct dgfemi_kernels {
     void (*solve_panel_transposed)(const dgfemi_panel *p, dgfem_real *x, const dgfem_real *below, dgfem_real *sums);
     void (*multiply_block)(const dgfem_real *a, int rows, int columns, const dgfem_real *x, dgfem_real *y,
                            const dgfem_real *z, dgfem_real *w);
+    void (*combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out);
 } dgfemi_kernels;
+
+enum { DGFEM_MATRIX_STRIDE = 16 }; /* a 3x3 matrix in whole vectors of every path */
 
 #ifdef DGFEM_USE_BLAS
 # include <cblas.h>

@@ -55,7 +55,7 @@ static void dgfemi_add_traction_energy(const dgfemi_face_frame *frame, int count
             for (int l = 0; l < lower_count; l++) {
                 dgfem_mat3 transposed = dgfemi_transposed(&t[i][l]);
                 dgfem_mat3 product = dgfemi_multiply3(&transposed, &moment[l]);
-                dgfemi_add_block(a, 3 * count, i, j, 1, &product);
+                dgfemi_add_block(a, 3 * count, i, j, product.m[0]);
             }
     }
 }
@@ -65,14 +65,16 @@ static void dgfemi_stability_pair(const dgfem_body *body, int element, dgfem_rea
     const dgfem_forms *forms = body->forms;
     int n = forms->elements[element].count, size = 3 * n;
     dgfem_real lambda = dgfemi_lambda(&body->material[element]), mu = dgfemi_mu(&body->material[element]);
-    dgfem_mat3 identity = dgfemi_identity();
     const dgfem_real *g = dgfemi_form_stiffness(forms, element);
     memset(a, 0, (size_t)size * (size_t)size * sizeof *a);
     memset(b, 0, (size_t)size * (size_t)size * sizeof *b);
     for (int i = 1; i < n; i++)
         for (int j = 1; j < n; j++, g += 9) {
-            dgfem_mat3 k = dgfemi_element_block(g, lambda, mu, &identity, &identity);
-            dgfemi_add_block(b, size, i, j, 1, &k);
+            dgfem_mat3 k;
+            for (int c = 0; c < 9; c++)
+                k.m[c / 3][c % 3] = lambda * g[c] + mu * g[3 * (c % 3) + c / 3] +
+                                    (c % 4 == 0 ? mu * (g[0] + g[4] + g[8]) : 0);
+            dgfemi_add_block(b, size, i, j, k.m[0]);
         }
     dgfem_real scale = b[(3 + 0) * size + 3] + b[(3 + 1) * size + 4]; /* of the linear functions */
     for (int k = 0; k < 3; k++) {

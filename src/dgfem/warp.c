@@ -3,7 +3,6 @@
 #include "sparse.c"
 /* Stiffness warping: rotations of the elements, and the warped system assembled from the forms.
 
-   A rotated block follows from rotated vectors, so nothing is stored or multiplied as a 3x3 matrix that need not be.
    With R the element's rotation, n' = R n, q' = R q, and  S' = R S R^T:
 
      element  K'_ij = lambda G'_ij + mu G'_ij^T + mu tr(G'_ij) I
@@ -11,6 +10,9 @@
               K'_ij = K1'_ij + K1'_ji^T + P_ij S_stiff + Q_ij S_rest
               S_stiff = eta_stiff (mu I + (lambda + mu) N),  S_rest = eta_rest mu (I + N),
               N = (n_a' n_a'^T + n_b' n_b'^T) / 2, each with its own element's rotation
+
+   All of this is linear in the integrals G_ij, q_ij, P_ij, Q_ij. So the 3x3 matrices that belong to each entry of the
+   integrals, rotation and material included, are made once for an element or face, and its blocks are sums of them.
 
    The undeformed position is the polynomial X0 with linear coefficients scale * e_k. Stresses come from the
    displacement in the rotated frame, R^T (X0 + U) - X0, so that K' U - f0 is the internal force with
@@ -95,20 +97,6 @@ static dgfem_vec3 dgfemi_elastic_image(dgfem_real lambda, dgfem_real mu, dgfem_v
     return dgfemi_add_scaled(image, mu * dgfemi_dot(u, v), w);
 }
 
-/* K'_ij of an element, i, j >= 1. */
-static dgfem_mat3 dgfemi_element_block(const dgfem_real *g, dgfem_real lambda, dgfem_real mu, const dgfem_mat3 *r,
-                                       const dgfem_mat3 *rt) {
-    dgfem_mat3 moment, rotated, k;
-    memcpy(&moment, g, sizeof moment);
-    rotated = dgfemi_multiply3(r, &moment);
-    rotated = dgfemi_multiply3(&rotated, rt);
-    dgfem_real diagonal = mu * dgfemi_trace(&moment);
-    for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++)
-            k.m[a][b] = lambda * rotated.m[a][b] + mu * rotated.m[b][a] + (a == b ? diagonal : 0);
-    return k;
-}
-
 /* The unrotated K_ij times a vector. */
 static dgfem_vec3 dgfemi_element_image(const dgfem_real *g, dgfem_real lambda, dgfem_real mu, dgfem_vec3 v) {
     dgfem_mat3 moment;
@@ -127,8 +115,8 @@ typedef struct dgfemi_warped_face {
     dgfem_vec3 normal[2];        /* rotated with each side */
     dgfem_vec3 held;             /* the direction held where it is only one: the normal at rest, fixed in space */
     dgfem_real lambda[2], mu[2]; /* times -weight */
-    dgfem_vec3 traction[2][2 * DGFEM_MAX_BASIS * (DGFEM_MAX_BASIS - 1)]; /* q' of each side s: row i, column j - 1 of
-                                                                            form->count[s] - 1 */
+    const dgfem_mat3 *rotation[2];
+    const dgfem_vec3 *traction[2]; /* q of each side s, not rotated: row i, column j - 1 of form->count[s] - 1 */
 } dgfemi_warped_face;
 
 /* s (a I + b N) */
@@ -176,17 +164,15 @@ static void dgfemi_warp_face(const dgfem_body *body, const dgfemi_face_form *for
         face->normal[s] = dgfemi_multiply(r, n);
         face->lambda[s] = -form->weight * dgfemi_lambda(m);
         face->mu[s] = -form->weight * dgfemi_mu(m);
-        if (!dgfemi_form_has_traction(form, s)) continue;
-        const dgfem_vec3 *q = dgfemi_form_traction(forms, form, s);
-        int count = face->sides * (form->count[s] - 1);
-        for (int k = 0; k < count; k++) face->traction[s][k] = dgfemi_multiply(r, q[k]);
+        face->rotation[s] = r;
+        face->traction[s] = dgfemi_form_traction(forms, form, s);
     }
     dgfemi_warp_face_penalty(body, face);
 }
 
 /* q^s_ij rotated: i counts the functions of both sides, j >= 1 those of side s. */
 static dgfem_vec3 dgfemi_face_traction(const dgfemi_warped_face *face, int s, int i, int j) {
-    return face->traction[s][i * (face->form->count[s] - 1) + j - 1];
+    return dgfemi_multiply(face->rotation[s], face->traction[s][i * (face->form->count[s] - 1) + j - 1]);
 }
 
 /* Row vector of K1'_ij where only the component along `held` is kept: K1'_ij = held w^T. */
@@ -229,51 +215,50 @@ static dgfem_vec3 dgfemi_jump_image(const dgfemi_warped_face *face, int i, int s
     return dgfemi_add(dgfemi_multiply(&face->penalty_stiff, stiff), dgfemi_multiply(&face->penalty_rest, rest));
 }
 
-/* K'_ij of a face with i a function of side r and j one of side s (both counted within their side). */
-static dgfem_mat3 dgfemi_face_block(const dgfemi_warped_face *face, int r, int i, int s, int j) {
-    int row = r ? face->form->count[0] + i : i, column = s ? face->form->count[0] + j : j;
-    dgfem_real p = face->stiff[row * face->sides + column], q = face->rest[row * face->sides + column];
-    dgfem_mat3 k;
-    for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) k.m[a][b] = p * face->penalty_stiff.m[a][b] + q * face->penalty_rest.m[a][b];
-    if (j > 0 && dgfemi_form_has_traction(face->form, s))
-        dgfemi_add_consistency(face, s, dgfemi_face_traction(face, s, row, j), &k);
-    if (i > 0 && dgfemi_form_has_traction(face->form, r))
-        dgfemi_add_adjoint(face, r, dgfemi_face_traction(face, r, column, i), &k);
-    return k;
-}
-
 /* ---- assembly ---- */
 
-/* out += s * a at row i, column j (in 3x3 blocks) of a row-major matrix with `columns` columns */
-static void dgfemi_add_block(dgfem_real *out, int columns, int i, int j, dgfem_real s, const dgfem_mat3 *a) {
+/* out += k at row i, column j (in 3x3 blocks) of a row-major matrix with `columns` columns */
+static void dgfemi_add_block(dgfem_real *out, int columns, int i, int j, const dgfem_real *k) {
     dgfem_real *row = out + 3 * i * columns + 3 * j;
-    for (int p = 0; p < 3; p++, row += columns)
-        for (int q = 0; q < 3; q++) row[q] += s * a->m[p][q];
+    for (int p = 0; p < 3; p++, row += columns, k += 3)
+        for (int q = 0; q < 3; q++) row[q] += k[q];
 }
 
-/* The same for a^T. */
-static void dgfemi_add_block_transposed(dgfem_real *out, int columns, int i, int j, dgfem_real s, const dgfem_mat3 *a) {
-    dgfem_real *row = out + 3 * i * columns + 3 * j;
-    for (int p = 0; p < 3; p++, row += columns)
-        for (int q = 0; q < 3; q++) row[q] += s * a->m[q][p];
+static void dgfemi_set_term(dgfem_real *term, dgfem_real s, const dgfem_mat3 *k) {
+    for (int p = 0; p < 3; p++)
+        for (int q = 0; q < 3; q++) term[3 * p + q] = s * k->m[p][q];
 }
 
-/* K_w of an element is symmetric: its upper half mirrors the lower one. */
+/* The lower triangle of K_w of an element: with r_c the columns of R, the entry G_cd belongs to
+   lambda r_c r_d^T + mu r_d r_c^T + mu (r_c.r_d) I. */
 static void dgfemi_assemble_element(const dgfem_body *body, int element, const dgfem_mat3 *r, dgfem_real s,
-                                    dgfem_matrix *matrix) {
+                                    const dgfemi_kernels *kernels, dgfem_matrix *matrix) {
     const dgfemi_element_form *form = &body->forms->elements[element];
     const dgfem_real *g = dgfemi_form_stiffness(body->forms, element);
     const dgfem_material *m = &body->material[element];
-    dgfem_real lambda = dgfemi_lambda(m), mu = dgfemi_mu(m);
+    dgfem_real terms[9 * DGFEM_MATRIX_STRIDE] = {0}, k[DGFEM_MAX_BASIS * DGFEM_MATRIX_STRIDE];
     dgfem_real *out = dgfem_matrix_block(matrix, element, element);
-    dgfem_mat3 rt = dgfemi_transposed(r);
-    for (int i = 1; i < form->count; i++)
-        for (int j = 1; j <= i; j++) {
-            dgfem_mat3 k = dgfemi_element_block(g + 9 * ((i - 1) * (form->count - 1) + j - 1), lambda, mu, r, &rt);
-            dgfemi_add_block(out, 3 * form->count, i, j, s, &k);
-            if (j < i) dgfemi_add_block_transposed(out, 3 * form->count, j, i, s, &k);
-        }
+    for (int c = 0; c < 9; c++) {
+        dgfem_mat3 term;
+        memset(&term, 0, sizeof term);
+        dgfemi_add_elastic(dgfemi_lambda(m), dgfemi_mu(m), dgfemi_column(r, c / 3), dgfemi_column(r, c % 3), &term);
+        dgfemi_set_term(terms + c * DGFEM_MATRIX_STRIDE, s, &term);
+    }
+    for (int i = 1; i < form->count; i++, g += 9 * (form->count - 1)) {
+        kernels->combine(g, i, 9, terms, k);
+        for (int j = 1; j <= i; j++)
+            dgfemi_add_block(out, 3 * form->count, i, j, k + (j - 1) * DGFEM_MATRIX_STRIDE);
+    }
+}
+
+/* Diagonal blocks are summed in their lower triangles. */
+static void dgfemi_mirror_diagonal(dgfem_matrix *matrix) {
+    for (int r = 0; r < matrix->block_count; r++) {
+        int n = dgfemi_block_size(matrix, r);
+        dgfem_real *block = matrix->values + matrix->value_start[dgfemi_diagonal_index(matrix, r)];
+        for (int i = 0; i < n; i++)
+            for (int j = 0; j < i; j++) block[j * n + i] = block[i * n + j];
+    }
 }
 
 /* f0 of an element, in its own frame until the end: R K R^T (R - I) X0 = R K (I - R^T) X0. */
@@ -293,34 +278,80 @@ static void dgfemi_element_rest_force(const dgfem_body *body, int element, const
     }
 }
 
-/* One of the four blocks of a face: rows of side r, columns of side s. Those on the diagonal are symmetric. */
-static void dgfemi_assemble_quadrant(const dgfemi_warped_face *face, int r, int s, dgfem_real scale,
-                                     dgfem_matrix *matrix) {
-    const dgfemi_face_form *form = face->form;
-    int columns = 3 * form->count[s];
-    dgfem_real *out = dgfem_matrix_block(matrix, form->element[r], form->element[s]);
-    for (int i = 0; i < form->count[r]; i++)
-        for (int j = 0; j < (r == s ? i + 1 : form->count[s]); j++) {
-            dgfem_mat3 k = dgfemi_face_block(face, r, i, s, j);
-            dgfemi_add_block(out, columns, i, j, scale, &k);
-            if (r == s && j < i) dgfemi_add_block_transposed(out, columns, j, i, scale, &k);
-        }
+enum { DGFEM_FACE_TERMS = 8, DGFEM_FACE_PAIRS = 64 };
+
+/* The matrices that the entries of dgfemi_face_integrals belong to, for rows of side r and columns of side s. */
+static void dgfemi_face_terms(const dgfemi_warped_face *face, int r, int s, dgfem_real scale, dgfem_real *terms) {
+    dgfemi_set_term(terms, scale, &face->penalty_stiff);
+    dgfemi_set_term(terms + DGFEM_MATRIX_STRIDE, scale, &face->penalty_rest);
+    for (int d = 0; d < 3; d++) {
+        dgfem_mat3 term, adjoint;
+        memset(&term, 0, sizeof term);
+        memset(&adjoint, 0, sizeof adjoint);
+        dgfemi_add_consistency(face, s, dgfemi_column(face->rotation[s], d), &term);
+        dgfemi_add_adjoint(face, r, dgfemi_column(face->rotation[r], d), &adjoint);
+        dgfemi_set_term(terms + (2 + d) * DGFEM_MATRIX_STRIDE, scale, &term);
+        dgfemi_set_term(terms + (5 + d) * DGFEM_MATRIX_STRIDE, scale, &adjoint);
+    }
 }
 
-/* f0 of the consistency terms of side s, for the rows of both sides. */
+/* All integrals of i, a function of side r, and j, one of side s (both counted within their side). */
+static void dgfemi_face_integrals(const dgfemi_warped_face *face, int r, int i, int s, int j, dgfem_real *out) {
+    const dgfemi_face_form *form = face->form;
+    int row = r ? form->count[0] + i : i, column = s ? form->count[0] + j : j;
+    const dgfem_vec3 none = dgfemi_vec3(0, 0, 0);
+    dgfem_vec3 q = none, adjoint = none;
+    if (j > 0 && dgfemi_form_has_traction(form, s)) q = face->traction[s][row * (form->count[s] - 1) + j - 1];
+    if (i > 0 && dgfemi_form_has_traction(form, r)) adjoint = face->traction[r][column * (form->count[r] - 1) + i - 1];
+    out[0] = face->stiff[row * face->sides + column];
+    out[1] = face->rest[row * face->sides + column];
+    out[2] = q.x, out[3] = q.y, out[4] = q.z;
+    out[5] = adjoint.x, out[6] = adjoint.y, out[7] = adjoint.z;
+}
+
+/* One of the four blocks of a face: rows of side r, columns of side s. Of those on the diagonal the lower triangle. */
+static void dgfemi_assemble_quadrant(const dgfemi_warped_face *face, int r, int s, dgfem_real scale,
+                                     const dgfemi_kernels *kernels, dgfem_matrix *matrix) {
+    const dgfemi_face_form *form = face->form;
+    dgfem_real terms[DGFEM_FACE_TERMS * DGFEM_MATRIX_STRIDE] = {0};
+    dgfem_real integrals[DGFEM_FACE_PAIRS * DGFEM_FACE_TERMS], k[DGFEM_FACE_PAIRS * DGFEM_MATRIX_STRIDE];
+    dgfem_real *out = dgfem_matrix_block(matrix, form->element[r], form->element[s]);
+    int rows = DGFEM_FACE_PAIRS / form->count[s], last;
+    dgfemi_face_terms(face, r, s, scale, terms);
+    for (int first = 0; first < form->count[r]; first = last) {
+        int pairs = 0;
+        last = form->count[r] - first < rows ? form->count[r] : first + rows;
+        for (int i = first; i < last; i++)
+            for (int j = 0; j < (r == s ? i + 1 : form->count[s]); j++, pairs++)
+                dgfemi_face_integrals(face, r, i, s, j, integrals + pairs * DGFEM_FACE_TERMS);
+        kernels->combine(integrals, pairs, DGFEM_FACE_TERMS, terms, k);
+        pairs = 0;
+        for (int i = first; i < last; i++)
+            for (int j = 0; j < (r == s ? i + 1 : form->count[s]); j++, pairs++)
+                dgfemi_add_block(out, 3 * form->count[s], i, j, k + pairs * DGFEM_MATRIX_STRIDE);
+    }
+}
+
+/* f0 of the consistency terms of side s, for the rows of both sides: linear in the entries of q_ij, j = 1, 2, 3, too. */
 static void dgfemi_face_rest_force(const dgfem_body *body, const dgfemi_warped_face *face, int s,
                                    const dgfem_mat3 *rotation, dgfem_vec3 *f0) {
     const dgfemi_face_form *form = face->form;
-    dgfem_vec3 rest[3];
+    dgfem_vec3 rest[3], terms[9];
     int element = form->element[s];
     dgfemi_rotated_rest(&rotation[element], body->scale[element], rest);
+    for (int c = 0; c < 9; c++)
+        terms[c] = dgfemi_consistency_image(face, s, dgfemi_column(&rotation[element], c % 3), rest[c / 3]);
     for (int r = 0; r < 2 && form->element[r] != DGFEM_NONE; r++) {
         dgfem_vec3 *out = f0 + body->basis_start[form->element[r]];
-        for (int i = 0; i < form->count[r]; i++)
-            for (int j = 1; j <= 3; j++) {
-                dgfem_vec3 q = dgfemi_face_traction(face, s, r ? form->count[0] + i : i, j);
-                out[i] = dgfemi_add(out[i], dgfemi_consistency_image(face, s, q, rest[j - 1]));
+        for (int i = 0; i < form->count[r]; i++) {
+            int row = r ? form->count[0] + i : i;
+            const dgfem_vec3 *q = &face->traction[s][row * (form->count[s] - 1)];
+            for (int j = 0; j < 3; j++) {
+                out[i] = dgfemi_add_scaled(out[i], q[j].x, terms[3 * j]);
+                out[i] = dgfemi_add_scaled(out[i], q[j].y, terms[3 * j + 1]);
+                out[i] = dgfemi_add_scaled(out[i], q[j].z, terms[3 * j + 2]);
             }
+        }
     }
 }
 
@@ -344,27 +375,29 @@ static void dgfemi_held_force(const dgfem_body *body, const dgfemi_warped_face *
 static void dgfemi_assemble_stiffness(const dgfem_body *body, const dgfem_mat3 *rotation, dgfem_real scale,
                                       dgfem_real factor, dgfem_matrix *matrix, dgfem_vec3 *f0) {
     const dgfem_forms *forms = body->forms;
+    const dgfemi_kernels *kernels = dgfemi_kernels_choose(DGFEM_SIMD_AUTO);
     dgfemi_warped_face face;
     dgfem_matrix_clear(matrix);
     if (f0) memset(f0, 0, (size_t)body->basis_count * sizeof *f0);
     for (int e = 0; e < body->mesh->element_count; e++) {
-        dgfemi_assemble_element(body, e, &rotation[e], scale, matrix);
+        dgfemi_assemble_element(body, e, &rotation[e], scale, kernels, matrix);
         if (f0 && body->desc.warp) dgfemi_element_rest_force(body, e, &rotation[e], f0);
     }
     for (int f = 0; f < forms->face_count; f++) {
         const dgfemi_face_form *form = &forms->faces[f];
         dgfemi_warp_face(body, form, rotation, &face);
-        dgfemi_assemble_quadrant(&face, 0, 0, scale, matrix);
+        dgfemi_assemble_quadrant(&face, 0, 0, scale, kernels, matrix);
         if (form->element[1] != DGFEM_NONE) {
-            dgfemi_assemble_quadrant(&face, 1, 1, scale, matrix);
+            dgfemi_assemble_quadrant(&face, 1, 1, scale, kernels, matrix);
             int lower = form->element[1] > form->element[0];
-            dgfemi_assemble_quadrant(&face, lower, !lower, scale, matrix);
+            dgfemi_assemble_quadrant(&face, lower, !lower, scale, kernels, matrix);
         } else if (f0) {
             dgfemi_held_force(body, &face, factor, f0);
         }
         for (int s = 0; s < 2 && f0 && body->desc.warp; s++)
             if (dgfemi_form_has_traction(form, s)) dgfemi_face_rest_force(body, &face, s, rotation, f0);
     }
+    dgfemi_mirror_diagonal(matrix);
 }
 
 /* Adds s * (mass matrix) to the diagonal blocks. */
