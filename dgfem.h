@@ -9240,8 +9240,9 @@ typedef struct dgfemi_face_form {
     int face;
     int element[2]; /* element[1] is DGFEM_NONE on a held face */
     int count[2];   /* functions of each side; count[1] of the ghost on a held face */
-    size_t data;    /* chunk: P, Q [(count[0] + count[1])^2] each, q^0, q^1 [(count[0] + count[1]) * (count[s] - 1)]
-                              vectors where there are tractions, ghost [count[1]] vectors on a held face */
+    size_t data;    /* chunk: P_ij, Q_ij and, where there are tractions, q_ij and q_ji (of the sides of j and i), by
+                              rows i of the lower triangle, i counting the functions of both sides; ghost [count[1]]
+                              vectors on a held face */
     dgfem_real eta_stiff; /* eta0 p^2 g_f */
     dgfem_real eta_rest;  /* eta_r p^2 g_f */
     dgfem_real weight;    /* of the average: 1/2, on a held face 1 */
@@ -9286,26 +9287,21 @@ static size_t dgfemi_form_sides(const dgfemi_face_form *form) { return (size_t)(
 static int dgfemi_form_has_traction(const dgfemi_face_form *form, int side) {
     return form->consistent && form->element[side] != DGFEM_NONE;
 }
-static size_t dgfemi_form_traction_size(const dgfemi_face_form *form, int side) {
-    return dgfemi_form_has_traction(form, side) ? 3 * dgfemi_form_sides(form) * (size_t)(form->count[side] - 1) : 0;
+/* Integrals of each pair of functions. */
+static int dgfemi_form_terms(const dgfemi_face_form *form) { return form->consistent ? 8 : 2; }
+static size_t dgfemi_form_pairs_size(const dgfemi_face_form *form) {
+    size_t sides = dgfemi_form_sides(form);
+    return (size_t)dgfemi_form_terms(form) * (sides * (sides + 1) / 2);
 }
 static size_t dgfemi_face_form_size(const dgfemi_face_form *form) {
-    size_t sides = dgfemi_form_sides(form);
-    return 2 * sides * sides + dgfemi_form_traction_size(form, 0) + dgfemi_form_traction_size(form, 1) +
-           (form->element[1] == DGFEM_NONE ? 3 * (size_t)form->count[1] : 0);
+    return dgfemi_form_pairs_size(form) + (form->element[1] == DGFEM_NONE ? 3 * (size_t)form->count[1] : 0);
 }
-static dgfem_real *dgfemi_form_stiff(const dgfem_forms *forms, const dgfemi_face_form *form) {
-    return forms->data + form->data;
-}
-static dgfem_real *dgfemi_form_rest(const dgfem_forms *forms, const dgfemi_face_form *form) {
-    return dgfemi_form_stiff(forms, form) + dgfemi_form_sides(form) * dgfemi_form_sides(form);
-}
-static dgfem_vec3 *dgfemi_form_traction(const dgfem_forms *forms, const dgfemi_face_form *form, int side) {
-    dgfem_real *first = dgfemi_form_rest(forms, form) + dgfemi_form_sides(form) * dgfemi_form_sides(form);
-    return (dgfem_vec3 *)(void *)(first + (side ? dgfemi_form_traction_size(form, 0) : 0));
+/* Those of functions i >= j. */
+static dgfem_real *dgfemi_form_pair(const dgfem_forms *forms, const dgfemi_face_form *form, int i, int j) {
+    return forms->data + form->data + dgfemi_form_terms(form) * (i * (i + 1) / 2 + j);
 }
 static dgfem_vec3 *dgfemi_form_ghost(const dgfem_forms *forms, const dgfemi_face_form *form) {
-    return dgfemi_form_traction(forms, form, 0) + dgfemi_form_traction_size(form, 0) / 3;
+    return (dgfem_vec3 *)(void *)(forms->data + form->data + dgfemi_form_pairs_size(form));
 }
 
 /* ---- the pool ---- */
@@ -9584,24 +9580,29 @@ static void dgfemi_face_projection(const dgfemi_face_frame *frame, dgfem_real *o
             for (int j = 0; j < sides; j++) out[i * sides + j] += r[m * sides + i] * r[m * sides + j];
 }
 
-/* q_ij = int J_i grad N_j for the functions of one side that starts at `first` with `sign` in the jump. */
-static void dgfemi_face_tractions(const dgfemi_face_frame *frame, int first, int count, dgfem_real sign,
-                                  dgfem_vec3 *out) {
-    for (int i = 0; i < frame->sides; i++)
-        for (int j = 1; j < count; j++) {
-            dgfem_real q[3];
-            for (int axis = 0; axis < 3; axis++) {
-                q[axis] = 0;
-                for (int k = 1; k < frame->count; k++) {
-                    int lower = dgfemi_derivative_index(k, axis);
-                    if (lower == DGFEM_NONE) continue;
-                    q[axis] +=
-                        (dgfem_real)dgfemi_exponents[k][axis] * frame->jump[first + j][k] * frame->jump_gram[i][lower];
-                }
-                q[axis] *= sign / frame->scale;
-            }
-            *out++ = dgfemi_vec3(q[0], q[1], q[2]);
+/* q_ij = int J_i grad N_j: i and j count the functions of both sides; `sign` is that of j's side in the jump. */
+static void dgfemi_face_traction_integral(const dgfemi_face_frame *frame, int i, int j, dgfem_real sign,
+                                          dgfem_real out[3]) {
+    for (int axis = 0; axis < 3; axis++) {
+        out[axis] = 0;
+        for (int k = 1; k < frame->count; k++) {
+            int lower = dgfemi_derivative_index(k, axis);
+            if (lower == DGFEM_NONE) continue;
+            out[axis] += (dgfem_real)dgfemi_exponents[k][axis] * frame->jump[j][k] * frame->jump_gram[i][lower];
         }
+        out[axis] *= sign / frame->scale;
+    }
+}
+
+/* The tractions of a pair, zeros where there are none. */
+static void dgfemi_face_pair_tractions(const dgfemi_face_frame *frame, const dgfemi_face_form *form, int i, int j,
+                                       dgfem_real *out) {
+    for (int k = 0; k < 2; k++, out += 3) {
+        int function = k ? i : j, side = function >= form->count[0];
+        if (function == (side ? form->count[0] : 0) || !dgfemi_form_has_traction(form, side))
+            out[0] = out[1] = out[2] = 0;
+        else dgfemi_face_traction_integral(frame, k ? j : i, function, side ? DGFEM_R(-1) : DGFEM_R(1), out);
+    }
 }
 
 /* g_f of the sheet: patch areas over volumes; 4 A/V on a held face, where the one side carries all. */
@@ -9627,16 +9628,17 @@ static int dgfemi_forms_set_face(const dgfem_body *body, dgfem_forms *forms, dgf
     dgfemi_form_set_counts(body, form);
     if (!dgfemi_forms_take(forms, &body->hooks, dgfemi_face_form_size(form), &form->data)) return 0;
     dgfemi_face_frame_set(body, form, &frame);
-    size_t square = dgfemi_form_sides(form) * dgfemi_form_sides(form);
-    dgfem_real *stiff = dgfemi_form_stiff(forms, form), *rest = dgfemi_form_rest(forms, form);
-    dgfemi_face_jump_products(&frame, rest);
+    dgfem_real whole[4 * DGFEM_MAX_BASIS * DGFEM_MAX_BASIS], stiff[4 * DGFEM_MAX_BASIS * DGFEM_MAX_BASIS];
+    dgfemi_face_jump_products(&frame, whole);
     if (body->desc.penalty == DGFEM_PENALTY_SPLIT) dgfemi_face_projection(&frame, stiff);
-    else memcpy(stiff, rest, square * sizeof *stiff);
-    for (size_t i = 0; i < square; i++) rest[i] -= stiff[i];
-    for (int s = 0; s < 2; s++)
-        if (dgfemi_form_has_traction(form, s))
-            dgfemi_face_tractions(&frame, s ? form->count[0] : 0, form->count[s], s ? DGFEM_R(-1) : DGFEM_R(1),
-                                  dgfemi_form_traction(forms, form, s));
+    else memcpy(stiff, whole, (size_t)frame.sides * (size_t)frame.sides * sizeof *stiff);
+    for (int i = 0; i < frame.sides; i++)
+        for (int j = 0; j <= i; j++) {
+            dgfem_real *pair = dgfemi_form_pair(forms, form, i, j);
+            pair[0] = stiff[i * frame.sides + j];
+            pair[1] = whole[i * frame.sides + j] - pair[0];
+            if (form->consistent) dgfemi_face_pair_tractions(&frame, form, i, j, pair + 2);
+        }
     if (b == DGFEM_NONE) memset(dgfemi_form_ghost(forms, form), 0, (size_t)form->count[1] * sizeof(dgfem_vec3));
     dgfem_real penalty = dgfemi_face_penalty(body->mesh, form) * (dgfem_real)(frame.degree * frame.degree);
     form->eta_stiff = body->desc.eta * penalty;
@@ -10424,15 +10426,16 @@ static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int
 
 /* ---- 3x3 matrices ---- */
 
-/* out = a b: `rows` matrices of 3x3 as sums of `inner` ones, those of b, with the factors in a. A matrix takes
-   DGFEM_MATRIX_STRIDE reals; those after the ninth are not looked at. */
-static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out) {
+/* out = a b for `rows` rows of a, with a constant number of columns. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_combine_rows)(const dgfem_real *a, int rows, int inner, const dgfem_real *b,
+                                                  dgfem_real *out) {
     enum { VECTORS = (9 + DGFEM_V_LANES - 1) / DGFEM_V_LANES };
     int k, v;
     for (; rows > 0; rows--, a += inner, out += DGFEM_MATRIX_STRIDE) {
         DGFEM_VECTOR sum[VECTORS];
         DGFEM_UNROLL
         for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_MUL(DGFEM_V_LOAD(b + v * DGFEM_V_LANES), DGFEM_V_ALL(a[0]));
+        DGFEM_UNROLL
         for (k = 1; k < inner; k++) {
             DGFEM_VECTOR factor = DGFEM_V_ALL(a[k]);
             DGFEM_UNROLL
@@ -10442,6 +10445,14 @@ static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner,
         DGFEM_UNROLL
         for (v = 0; v < VECTORS; v++) DGFEM_V_STORE(out + v * DGFEM_V_LANES, sum[v]);
     }
+}
+
+/* out = a b: `rows` matrices of 3x3 as sums of `inner` (2, 8 or 9) ones, those of b, with the factors in a. A matrix takes
+   DGFEM_MATRIX_STRIDE reals; those after the ninth are not looked at. */
+static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out) {
+    if (inner == 2) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 2, b, out);
+    else if (inner == 8) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 8, b, out);
+    else DGFEM_PATH(dgfemi_combine_rows)(a, rows, 9, b, out);
 }
 
 static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
@@ -11029,15 +11040,16 @@ static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int
 
 /* ---- 3x3 matrices ---- */
 
-/* out = a b: `rows` matrices of 3x3 as sums of `inner` ones, those of b, with the factors in a. A matrix takes
-   DGFEM_MATRIX_STRIDE reals; those after the ninth are not looked at. */
-static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out) {
+/* out = a b for `rows` rows of a, with a constant number of columns. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_combine_rows)(const dgfem_real *a, int rows, int inner, const dgfem_real *b,
+                                                  dgfem_real *out) {
     enum { VECTORS = (9 + DGFEM_V_LANES - 1) / DGFEM_V_LANES };
     int k, v;
     for (; rows > 0; rows--, a += inner, out += DGFEM_MATRIX_STRIDE) {
         DGFEM_VECTOR sum[VECTORS];
         DGFEM_UNROLL
         for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_MUL(DGFEM_V_LOAD(b + v * DGFEM_V_LANES), DGFEM_V_ALL(a[0]));
+        DGFEM_UNROLL
         for (k = 1; k < inner; k++) {
             DGFEM_VECTOR factor = DGFEM_V_ALL(a[k]);
             DGFEM_UNROLL
@@ -11047,6 +11059,14 @@ static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner,
         DGFEM_UNROLL
         for (v = 0; v < VECTORS; v++) DGFEM_V_STORE(out + v * DGFEM_V_LANES, sum[v]);
     }
+}
+
+/* out = a b: `rows` matrices of 3x3 as sums of `inner` (2, 8 or 9) ones, those of b, with the factors in a. A matrix takes
+   DGFEM_MATRIX_STRIDE reals; those after the ninth are not looked at. */
+static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out) {
+    if (inner == 2) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 2, b, out);
+    else if (inner == 8) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 8, b, out);
+    else DGFEM_PATH(dgfemi_combine_rows)(a, rows, 9, b, out);
 }
 
 static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
@@ -11628,15 +11648,16 @@ static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int
 
 /* ---- 3x3 matrices ---- */
 
-/* out = a b: `rows` matrices of 3x3 as sums of `inner` ones, those of b, with the factors in a. A matrix takes
-   DGFEM_MATRIX_STRIDE reals; those after the ninth are not looked at. */
-static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out) {
+/* out = a b for `rows` rows of a, with a constant number of columns. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_combine_rows)(const dgfem_real *a, int rows, int inner, const dgfem_real *b,
+                                                  dgfem_real *out) {
     enum { VECTORS = (9 + DGFEM_V_LANES - 1) / DGFEM_V_LANES };
     int k, v;
     for (; rows > 0; rows--, a += inner, out += DGFEM_MATRIX_STRIDE) {
         DGFEM_VECTOR sum[VECTORS];
         DGFEM_UNROLL
         for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_MUL(DGFEM_V_LOAD(b + v * DGFEM_V_LANES), DGFEM_V_ALL(a[0]));
+        DGFEM_UNROLL
         for (k = 1; k < inner; k++) {
             DGFEM_VECTOR factor = DGFEM_V_ALL(a[k]);
             DGFEM_UNROLL
@@ -11646,6 +11667,14 @@ static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner,
         DGFEM_UNROLL
         for (v = 0; v < VECTORS; v++) DGFEM_V_STORE(out + v * DGFEM_V_LANES, sum[v]);
     }
+}
+
+/* out = a b: `rows` matrices of 3x3 as sums of `inner` (2, 8 or 9) ones, those of b, with the factors in a. A matrix takes
+   DGFEM_MATRIX_STRIDE reals; those after the ninth are not looked at. */
+static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out) {
+    if (inner == 2) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 2, b, out);
+    else if (inner == 8) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 8, b, out);
+    else DGFEM_PATH(dgfemi_combine_rows)(a, rows, 9, b, out);
 }
 
 static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
@@ -12233,15 +12262,16 @@ static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int
 
 /* ---- 3x3 matrices ---- */
 
-/* out = a b: `rows` matrices of 3x3 as sums of `inner` ones, those of b, with the factors in a. A matrix takes
-   DGFEM_MATRIX_STRIDE reals; those after the ninth are not looked at. */
-static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out) {
+/* out = a b for `rows` rows of a, with a constant number of columns. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_combine_rows)(const dgfem_real *a, int rows, int inner, const dgfem_real *b,
+                                                  dgfem_real *out) {
     enum { VECTORS = (9 + DGFEM_V_LANES - 1) / DGFEM_V_LANES };
     int k, v;
     for (; rows > 0; rows--, a += inner, out += DGFEM_MATRIX_STRIDE) {
         DGFEM_VECTOR sum[VECTORS];
         DGFEM_UNROLL
         for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_MUL(DGFEM_V_LOAD(b + v * DGFEM_V_LANES), DGFEM_V_ALL(a[0]));
+        DGFEM_UNROLL
         for (k = 1; k < inner; k++) {
             DGFEM_VECTOR factor = DGFEM_V_ALL(a[k]);
             DGFEM_UNROLL
@@ -12251,6 +12281,14 @@ static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner,
         DGFEM_UNROLL
         for (v = 0; v < VECTORS; v++) DGFEM_V_STORE(out + v * DGFEM_V_LANES, sum[v]);
     }
+}
+
+/* out = a b: `rows` matrices of 3x3 as sums of `inner` (2, 8 or 9) ones, those of b, with the factors in a. A matrix takes
+   DGFEM_MATRIX_STRIDE reals; those after the ninth are not looked at. */
+static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out) {
+    if (inner == 2) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 2, b, out);
+    else if (inner == 8) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 8, b, out);
+    else DGFEM_PATH(dgfemi_combine_rows)(a, rows, 9, b, out);
 }
 
 static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
@@ -12840,15 +12878,16 @@ static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int
 
 /* ---- 3x3 matrices ---- */
 
-/* out = a b: `rows` matrices of 3x3 as sums of `inner` ones, those of b, with the factors in a. A matrix takes
-   DGFEM_MATRIX_STRIDE reals; those after the ninth are not looked at. */
-static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out) {
+/* out = a b for `rows` rows of a, with a constant number of columns. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_combine_rows)(const dgfem_real *a, int rows, int inner, const dgfem_real *b,
+                                                  dgfem_real *out) {
     enum { VECTORS = (9 + DGFEM_V_LANES - 1) / DGFEM_V_LANES };
     int k, v;
     for (; rows > 0; rows--, a += inner, out += DGFEM_MATRIX_STRIDE) {
         DGFEM_VECTOR sum[VECTORS];
         DGFEM_UNROLL
         for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_MUL(DGFEM_V_LOAD(b + v * DGFEM_V_LANES), DGFEM_V_ALL(a[0]));
+        DGFEM_UNROLL
         for (k = 1; k < inner; k++) {
             DGFEM_VECTOR factor = DGFEM_V_ALL(a[k]);
             DGFEM_UNROLL
@@ -12858,6 +12897,14 @@ static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner,
         DGFEM_UNROLL
         for (v = 0; v < VECTORS; v++) DGFEM_V_STORE(out + v * DGFEM_V_LANES, sum[v]);
     }
+}
+
+/* out = a b: `rows` matrices of 3x3 as sums of `inner` (2, 8 or 9) ones, those of b, with the factors in a. A matrix takes
+   DGFEM_MATRIX_STRIDE reals; those after the ninth are not looked at. */
+static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out) {
+    if (inner == 2) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 2, b, out);
+    else if (inner == 8) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 8, b, out);
+    else DGFEM_PATH(dgfemi_combine_rows)(a, rows, 9, b, out);
 }
 
 static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
@@ -13439,15 +13486,16 @@ static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int
 
 /* ---- 3x3 matrices ---- */
 
-/* out = a b: `rows` matrices of 3x3 as sums of `inner` ones, those of b, with the factors in a. A matrix takes
-   DGFEM_MATRIX_STRIDE reals; those after the ninth are not looked at. */
-static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out) {
+/* out = a b for `rows` rows of a, with a constant number of columns. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_combine_rows)(const dgfem_real *a, int rows, int inner, const dgfem_real *b,
+                                                  dgfem_real *out) {
     enum { VECTORS = (9 + DGFEM_V_LANES - 1) / DGFEM_V_LANES };
     int k, v;
     for (; rows > 0; rows--, a += inner, out += DGFEM_MATRIX_STRIDE) {
         DGFEM_VECTOR sum[VECTORS];
         DGFEM_UNROLL
         for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_MUL(DGFEM_V_LOAD(b + v * DGFEM_V_LANES), DGFEM_V_ALL(a[0]));
+        DGFEM_UNROLL
         for (k = 1; k < inner; k++) {
             DGFEM_VECTOR factor = DGFEM_V_ALL(a[k]);
             DGFEM_UNROLL
@@ -13457,6 +13505,14 @@ static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner,
         DGFEM_UNROLL
         for (v = 0; v < VECTORS; v++) DGFEM_V_STORE(out + v * DGFEM_V_LANES, sum[v]);
     }
+}
+
+/* out = a b: `rows` matrices of 3x3 as sums of `inner` (2, 8 or 9) ones, those of b, with the factors in a. A matrix takes
+   DGFEM_MATRIX_STRIDE reals; those after the ninth are not looked at. */
+static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out) {
+    if (inner == 2) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 2, b, out);
+    else if (inner == 8) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 8, b, out);
+    else DGFEM_PATH(dgfemi_combine_rows)(a, rows, 9, b, out);
 }
 
 static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
@@ -18242,13 +18298,13 @@ static dgfem_vec3 dgfemi_element_image(const dgfem_real *g, dgfem_real lambda, d
 typedef struct dgfemi_warped_face {
     const dgfemi_face_form *form;
     int sides; /* functions of both sides */
-    const dgfem_real *stiff, *rest;
+    int terms; /* integrals of each pair of functions, */
+    const dgfem_real *pairs; /* and these, by rows of the lower triangle */
     dgfem_mat3 penalty_stiff, penalty_rest;
     dgfem_vec3 normal[2];        /* rotated with each side */
     dgfem_vec3 held;             /* the direction held where it is only one: the normal at rest, fixed in space */
     dgfem_real lambda[2], mu[2]; /* times -weight */
     const dgfem_mat3 *rotation[2];
-    const dgfem_vec3 *traction[2]; /* q of each side s, not rotated: row i, column j - 1 of form->count[s] - 1 */
 } dgfemi_warped_face;
 
 /* s (a I + b N) */
@@ -18287,8 +18343,8 @@ static void dgfemi_warp_face(const dgfem_body *body, const dgfemi_face_form *for
     face->form = form;
     face->held = n;
     face->sides = form->count[0] + form->count[1];
-    face->stiff = dgfemi_form_stiff(forms, form);
-    face->rest = dgfemi_form_rest(forms, form);
+    face->terms = dgfemi_form_terms(form);
+    face->pairs = dgfemi_form_pair(forms, form, 0, 0);
     for (int s = 0; s < 2; s++) {
         int element = form->element[s] == DGFEM_NONE ? form->element[0] : form->element[s];
         const dgfem_mat3 *r = &rotation[element];
@@ -18297,14 +18353,25 @@ static void dgfemi_warp_face(const dgfem_body *body, const dgfemi_face_form *for
         face->lambda[s] = -form->weight * dgfemi_lambda(m);
         face->mu[s] = -form->weight * dgfemi_mu(m);
         face->rotation[s] = r;
-        face->traction[s] = dgfemi_form_traction(forms, form, s);
     }
     dgfemi_warp_face_penalty(body, face);
 }
 
-/* q^s_ij rotated: i counts the functions of both sides, j >= 1 those of side s. */
+/* The integrals of functions i >= j, counting those of both sides. */
+static const dgfem_real *dgfemi_face_pair(const dgfemi_warped_face *face, int i, int j) {
+    return face->pairs + face->terms * (i * (i + 1) / 2 + j);
+}
+
+/* q^s_ij: i counts the functions of both sides, j >= 1 those of side s. */
+static dgfem_vec3 dgfemi_face_integral(const dgfemi_warped_face *face, int s, int i, int j) {
+    int k = s ? face->form->count[0] + j : j;
+    const dgfem_real *q = i >= k ? dgfemi_face_pair(face, i, k) + 2 : dgfemi_face_pair(face, k, i) + 5;
+    return dgfemi_vec3(q[0], q[1], q[2]);
+}
+
+/* That rotated. */
 static dgfem_vec3 dgfemi_face_traction(const dgfemi_warped_face *face, int s, int i, int j) {
-    return dgfemi_multiply(face->rotation[s], face->traction[s][i * (face->form->count[s] - 1) + j - 1]);
+    return dgfemi_multiply(face->rotation[s], dgfemi_face_integral(face, s, i, j));
 }
 
 /* Row vector of K1'_ij where only the component along `held` is kept: K1'_ij = held w^T. */
@@ -18338,27 +18405,27 @@ static dgfem_vec3 dgfemi_adjoint_image(const dgfemi_warped_face *face, int s, dg
 
 /* sum_j (P_ij S_stiff + Q_ij S_rest) u_j over the functions of side s; i counts those of both sides. */
 static dgfem_vec3 dgfemi_jump_image(const dgfemi_warped_face *face, int i, int s, const dgfem_vec3 *u) {
-    int first = i * face->sides + (s ? face->form->count[0] : 0);
+    int first = s ? face->form->count[0] : 0;
     dgfem_vec3 stiff = dgfemi_vec3(0, 0, 0), rest = stiff;
     for (int j = 0; j < face->form->count[s]; j++) {
-        stiff = dgfemi_add_scaled(stiff, face->stiff[first + j], u[j]);
-        rest = dgfemi_add_scaled(rest, face->rest[first + j], u[j]);
+        int k = first + j;
+        const dgfem_real *pair = i >= k ? dgfemi_face_pair(face, i, k) : dgfemi_face_pair(face, k, i);
+        stiff = dgfemi_add_scaled(stiff, pair[0], u[j]);
+        rest = dgfemi_add_scaled(rest, pair[1], u[j]);
     }
     return dgfemi_add(dgfemi_multiply(&face->penalty_stiff, stiff), dgfemi_multiply(&face->penalty_rest, rest));
 }
 
 /* ---- assembly ---- */
 
-/* out += k at row i, column j (in 3x3 blocks) of a row-major matrix with `columns` columns */
-static void dgfemi_add_block(dgfem_real *out, int columns, int i, int j, const dgfem_real *k) {
-    dgfem_real *row = out + 3 * i * columns + 3 * j;
-    for (int p = 0; p < 3; p++, row += columns, k += 3)
-        for (int q = 0; q < 3; q++) row[q] += k[q];
+/* out += k, a 3x3 matrix in a row-major one with `columns` columns */
+DGFEM_INLINE void dgfemi_add_block(dgfem_real *out, int columns, const dgfem_real *k) {
+    for (int p = 0; p < 3; p++, out += columns, k += 3) out[0] += k[0], out[1] += k[1], out[2] += k[2];
 }
 
-static void dgfemi_set_term(dgfem_real *term, dgfem_real s, const dgfem_mat3 *k) {
-    for (int p = 0; p < 3; p++)
-        for (int q = 0; q < 3; q++) term[3 * p + q] = s * k->m[p][q];
+/* out += k^T */
+DGFEM_INLINE void dgfemi_add_block_transposed(dgfem_real *out, int columns, const dgfem_real *k) {
+    for (int p = 0; p < 3; p++, out += columns, k++) out[0] += k[0], out[1] += k[3], out[2] += k[6];
 }
 
 /* The lower triangle of K_w of an element: with r_c the columns of R, the entry G_cd belongs to
@@ -18368,18 +18435,20 @@ static void dgfemi_assemble_element(const dgfem_body *body, int element, const d
     const dgfemi_element_form *form = &body->forms->elements[element];
     const dgfem_real *g = dgfemi_form_stiffness(body->forms, element);
     const dgfem_material *m = &body->material[element];
+    dgfem_real lambda = s * dgfemi_lambda(m), mu = s * dgfemi_mu(m);
     dgfem_real terms[9 * DGFEM_MATRIX_STRIDE] = {0}, k[DGFEM_MAX_BASIS * DGFEM_MATRIX_STRIDE];
     dgfem_real *out = dgfem_matrix_block(matrix, element, element);
+    int columns = 3 * form->count;
     for (int c = 0; c < 9; c++) {
         dgfem_mat3 term;
         memset(&term, 0, sizeof term);
-        dgfemi_add_elastic(dgfemi_lambda(m), dgfemi_mu(m), dgfemi_column(r, c / 3), dgfemi_column(r, c % 3), &term);
-        dgfemi_set_term(terms + c * DGFEM_MATRIX_STRIDE, s, &term);
+        dgfemi_add_elastic(lambda, mu, dgfemi_column(r, c / 3), dgfemi_column(r, c % 3), &term);
+        memcpy(terms + c * DGFEM_MATRIX_STRIDE, &term, sizeof term);
     }
     for (int i = 1; i < form->count; i++, g += 9 * (form->count - 1)) {
         kernels->combine(g, i, 9, terms, k);
         for (int j = 1; j <= i; j++)
-            dgfemi_add_block(out, 3 * form->count, i, j, k + (j - 1) * DGFEM_MATRIX_STRIDE);
+            dgfemi_add_block(out + 3 * (i * columns + j), columns, k + (j - 1) * DGFEM_MATRIX_STRIDE);
     }
 }
 
@@ -18410,57 +18479,60 @@ static void dgfemi_element_rest_force(const dgfem_body *body, int element, const
     }
 }
 
-enum { DGFEM_FACE_TERMS = 8, DGFEM_FACE_PAIRS = 64 };
+/* The matrices that the integrals of a pair of functions belong to, in their order: for rows of side r and columns of
+   side s = 00, 10, 11. */
+typedef struct dgfemi_face_terms {
+    dgfem_real quadrant[3][8 * DGFEM_MATRIX_STRIDE];
+} dgfemi_face_terms;
 
-/* The matrices that the entries of dgfemi_face_integrals belong to, for rows of side r and columns of side s. */
-static void dgfemi_face_terms(const dgfemi_warped_face *face, int r, int s, dgfem_real scale, dgfem_real *terms) {
-    dgfemi_set_term(terms, scale, &face->penalty_stiff);
-    dgfemi_set_term(terms + DGFEM_MATRIX_STRIDE, scale, &face->penalty_rest);
-    for (int d = 0; d < 3; d++) {
-        dgfem_mat3 term, adjoint;
-        memset(&term, 0, sizeof term);
-        memset(&adjoint, 0, sizeof adjoint);
-        dgfemi_add_consistency(face, s, dgfemi_column(face->rotation[s], d), &term);
-        dgfemi_add_adjoint(face, r, dgfemi_column(face->rotation[r], d), &adjoint);
-        dgfemi_set_term(terms + (2 + d) * DGFEM_MATRIX_STRIDE, scale, &term);
-        dgfemi_set_term(terms + (5 + d) * DGFEM_MATRIX_STRIDE, scale, &adjoint);
+static void dgfemi_set_terms(const dgfemi_warped_face *face, dgfem_real scale, dgfemi_face_terms *terms) {
+    dgfem_mat3 penalty[2], traction[2][3], adjoint[2][3];
+    memset(traction, 0, sizeof traction);
+    memset(adjoint, 0, sizeof adjoint);
+    for (int p = 0; p < 9; p++) {
+        penalty[0].m[p / 3][p % 3] = scale * face->penalty_stiff.m[p / 3][p % 3];
+        penalty[1].m[p / 3][p % 3] = scale * face->penalty_rest.m[p / 3][p % 3];
+    }
+    for (int s = 0; s < 2; s++)
+        for (int d = 0; d < 3 && dgfemi_form_has_traction(face->form, s); d++) {
+            dgfem_vec3 q = dgfemi_scale(scale, dgfemi_column(face->rotation[s], d));
+            dgfemi_add_consistency(face, s, q, &traction[s][d]);
+            dgfemi_add_adjoint(face, s, q, &adjoint[s][d]);
+        }
+    for (int k = 0; k < 3; k++) {
+        dgfem_real *to = terms->quadrant[k];
+        int r = k > 0, s = k > 1;
+        for (int t = 0; t < 2; t++, to += DGFEM_MATRIX_STRIDE) memcpy(to, &penalty[t], sizeof penalty[t]);
+        for (int d = 0; d < 3; d++, to += DGFEM_MATRIX_STRIDE) memcpy(to, &traction[s][d], sizeof traction[s][d]);
+        for (int d = 0; d < 3; d++, to += DGFEM_MATRIX_STRIDE) memcpy(to, &adjoint[r][d], sizeof adjoint[r][d]);
     }
 }
 
-/* All integrals of i, a function of side r, and j, one of side s (both counted within their side). */
-static void dgfemi_face_integrals(const dgfemi_warped_face *face, int r, int i, int s, int j, dgfem_real *out) {
-    const dgfemi_face_form *form = face->form;
-    int row = r ? form->count[0] + i : i, column = s ? form->count[0] + j : j;
-    const dgfem_vec3 none = dgfemi_vec3(0, 0, 0);
-    dgfem_vec3 q = none, adjoint = none;
-    if (j > 0 && dgfemi_form_has_traction(form, s)) q = face->traction[s][row * (form->count[s] - 1) + j - 1];
-    if (i > 0 && dgfemi_form_has_traction(form, r)) adjoint = face->traction[r][column * (form->count[r] - 1) + i - 1];
-    out[0] = face->stiff[row * face->sides + column];
-    out[1] = face->rest[row * face->sides + column];
-    out[2] = q.x, out[3] = q.y, out[4] = q.z;
-    out[5] = adjoint.x, out[6] = adjoint.y, out[7] = adjoint.z;
+/* The lower triangle of a diagonal block: the functions first <= i < first + count of the face's. */
+static void dgfemi_assemble_face_diagonal(const dgfemi_warped_face *face, int first, int count,
+                                          const dgfem_real *terms, const dgfemi_kernels *kernels, dgfem_real *out) {
+    dgfem_real k[DGFEM_MAX_BASIS * DGFEM_MATRIX_STRIDE];
+    for (int i = 0; i < count; i++) {
+        kernels->combine(dgfemi_face_pair(face, first + i, first), i + 1, face->terms, terms, k);
+        for (int j = 0; j <= i; j++)
+            dgfemi_add_block(out + 3 * (3 * i * count + j), 3 * count, k + j * DGFEM_MATRIX_STRIDE);
+    }
 }
 
-/* One of the four blocks of a face: rows of side r, columns of side s. Of those on the diagonal the lower triangle. */
-static void dgfemi_assemble_quadrant(const dgfemi_warped_face *face, int r, int s, dgfem_real scale,
-                                     const dgfemi_kernels *kernels, dgfem_matrix *matrix) {
+/* The block that couples both sides: rows of side 1, or where its element comes first, of side 0. */
+static void dgfemi_assemble_face_coupling(const dgfemi_warped_face *face, const dgfem_real *terms,
+                                          const dgfemi_kernels *kernels, dgfem_matrix *matrix) {
     const dgfemi_face_form *form = face->form;
-    dgfem_real terms[DGFEM_FACE_TERMS * DGFEM_MATRIX_STRIDE] = {0};
-    dgfem_real integrals[DGFEM_FACE_PAIRS * DGFEM_FACE_TERMS], k[DGFEM_FACE_PAIRS * DGFEM_MATRIX_STRIDE];
-    dgfem_real *out = dgfem_matrix_block(matrix, form->element[r], form->element[s]);
-    int rows = DGFEM_FACE_PAIRS / form->count[s], last;
-    dgfemi_face_terms(face, r, s, scale, terms);
-    for (int first = 0; first < form->count[r]; first = last) {
-        int pairs = 0;
-        last = form->count[r] - first < rows ? form->count[r] : first + rows;
-        for (int i = first; i < last; i++)
-            for (int j = 0; j < (r == s ? i + 1 : form->count[s]); j++, pairs++)
-                dgfemi_face_integrals(face, r, i, s, j, integrals + pairs * DGFEM_FACE_TERMS);
-        kernels->combine(integrals, pairs, DGFEM_FACE_TERMS, terms, k);
-        pairs = 0;
-        for (int i = first; i < last; i++)
-            for (int j = 0; j < (r == s ? i + 1 : form->count[s]); j++, pairs++)
-                dgfemi_add_block(out, 3 * form->count[s], i, j, k + pairs * DGFEM_MATRIX_STRIDE);
+    int a = form->element[0], b = form->element[1], n = form->count[0], m = form->count[1];
+    dgfem_real k[DGFEM_MAX_BASIS * DGFEM_MATRIX_STRIDE];
+    dgfem_real *out = b > a ? dgfem_matrix_block(matrix, b, a) : dgfem_matrix_block(matrix, a, b);
+    for (int i = 0; i < m; i++) {
+        kernels->combine(dgfemi_face_pair(face, n + i, 0), n, face->terms, terms, k);
+        for (int j = 0; j < n; j++) {
+            const dgfem_real *block = k + j * DGFEM_MATRIX_STRIDE;
+            if (b > a) dgfemi_add_block(out + 3 * (3 * i * n + j), 3 * n, block);
+            else dgfemi_add_block_transposed(out + 3 * (3 * j * m + i), 3 * m, block);
+        }
     }
 }
 
@@ -18476,12 +18548,11 @@ static void dgfemi_face_rest_force(const dgfem_body *body, const dgfemi_warped_f
     for (int r = 0; r < 2 && form->element[r] != DGFEM_NONE; r++) {
         dgfem_vec3 *out = f0 + body->basis_start[form->element[r]];
         for (int i = 0; i < form->count[r]; i++) {
-            int row = r ? form->count[0] + i : i;
-            const dgfem_vec3 *q = &face->traction[s][row * (form->count[s] - 1)];
             for (int j = 0; j < 3; j++) {
-                out[i] = dgfemi_add_scaled(out[i], q[j].x, terms[3 * j]);
-                out[i] = dgfemi_add_scaled(out[i], q[j].y, terms[3 * j + 1]);
-                out[i] = dgfemi_add_scaled(out[i], q[j].z, terms[3 * j + 2]);
+                dgfem_vec3 q = dgfemi_face_integral(face, s, r ? form->count[0] + i : i, j + 1);
+                out[i] = dgfemi_add_scaled(out[i], q.x, terms[3 * j]);
+                out[i] = dgfemi_add_scaled(out[i], q.y, terms[3 * j + 1]);
+                out[i] = dgfemi_add_scaled(out[i], q.z, terms[3 * j + 2]);
             }
         }
     }
@@ -18509,6 +18580,8 @@ static void dgfemi_assemble_stiffness(const dgfem_body *body, const dgfem_mat3 *
     const dgfem_forms *forms = body->forms;
     const dgfemi_kernels *kernels = dgfemi_kernels_choose(DGFEM_SIMD_AUTO);
     dgfemi_warped_face face;
+    dgfemi_face_terms terms;
+    memset(&terms, 0, sizeof terms);
     dgfem_matrix_clear(matrix);
     if (f0) memset(f0, 0, (size_t)body->basis_count * sizeof *f0);
     for (int e = 0; e < body->mesh->element_count; e++) {
@@ -18517,12 +18590,14 @@ static void dgfemi_assemble_stiffness(const dgfem_body *body, const dgfem_mat3 *
     }
     for (int f = 0; f < forms->face_count; f++) {
         const dgfemi_face_form *form = &forms->faces[f];
+        int a = form->element[0], b = form->element[1], n = form->count[0];
         dgfemi_warp_face(body, form, rotation, &face);
-        dgfemi_assemble_quadrant(&face, 0, 0, scale, kernels, matrix);
-        if (form->element[1] != DGFEM_NONE) {
-            dgfemi_assemble_quadrant(&face, 1, 1, scale, kernels, matrix);
-            int lower = form->element[1] > form->element[0];
-            dgfemi_assemble_quadrant(&face, lower, !lower, scale, kernels, matrix);
+        dgfemi_set_terms(&face, scale, &terms);
+        dgfemi_assemble_face_diagonal(&face, 0, n, terms.quadrant[0], kernels, dgfem_matrix_block(matrix, a, a));
+        if (b != DGFEM_NONE) {
+            dgfemi_assemble_face_coupling(&face, terms.quadrant[1], kernels, matrix);
+            dgfemi_assemble_face_diagonal(&face, n, form->count[1], terms.quadrant[2], kernels,
+                                          dgfem_matrix_block(matrix, b, b));
         } else if (f0) {
             dgfemi_held_force(body, &face, factor, f0);
         }
@@ -20232,7 +20307,7 @@ static void dgfemi_add_traction_energy(const dgfemi_face_frame *frame, int count
             for (int l = 0; l < lower_count; l++) {
                 dgfem_mat3 transposed = dgfemi_transposed(&t[i][l]);
                 dgfem_mat3 product = dgfemi_multiply3(&transposed, &moment[l]);
-                dgfemi_add_block(a, 3 * count, i, j, product.m[0]);
+                dgfemi_add_block(a + 3 * (3 * i * count + j), 3 * count, product.m[0]);
             }
     }
 }
@@ -20251,7 +20326,7 @@ static void dgfemi_stability_pair(const dgfem_body *body, int element, dgfem_rea
             for (int c = 0; c < 9; c++)
                 k.m[c / 3][c % 3] = lambda * g[c] + mu * g[3 * (c % 3) + c / 3] +
                                     (c % 4 == 0 ? mu * (g[0] + g[4] + g[8]) : 0);
-            dgfemi_add_block(b, size, i, j, k.m[0]);
+            dgfemi_add_block(b + 3 * (i * size + j), size, k.m[0]);
         }
     dgfem_real scale = b[(3 + 0) * size + 3] + b[(3 + 1) * size + 4]; /* of the linear functions */
     for (int k = 0; k < 3; k++) {

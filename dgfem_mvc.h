@@ -40,7 +40,8 @@
    further.
 
    Large rotations are dealt with by stiffness warping: a linear element in a frame that turns with it. One linear
-   system is solved in each step; pattern and symbolic factorization are made once, and again after a cut.
+   system is solved in each step; pattern and symbolic factorization are made once, and again in the first step after
+   cuts.
 
 
    A WHOLE PROGRAM
@@ -365,7 +366,8 @@ DGFEM_API dgfem_status dgfem_mvc_move_shape(dgfem_mvc *body, int id, const dgfem
 /* ---- motion ---- */
 
 /* One step of semi-implicit Euler: (M + h D + h^2 K) v+ = M v + h (F - f(x)), x+ = x + h v+, with the elements'
-   rotations at its beginning. Nothing is allocated. On failure nothing has changed. info may be NULL. */
+   rotations at its beginning. Nothing is allocated, except by the first step or solve after a cut, which makes the
+   matrix and its solver anew. On failure nothing has changed. info may be NULL. */
 DGFEM_API dgfem_status dgfem_mvc_step(dgfem_mvc *body, dgfem_real dt, dgfem_mvc_info *info);
 
 /* Static equilibrium, from the current state, of loads, fixtures and pins (contact takes no part). Velocities become
@@ -2293,10 +2295,11 @@ struct dgfem_mvc_system {
     dgfem_vec3 *mean;      /*   <grad phi_i> */
     size_t *pair_start;    /* [element_count + 1] into what elements have per pair of nodes (a, b), b <= a: */
     dgfem_real *stiffness; /*   9 numbers, row-major, at rest */
-    size_t *map;           /*   place of the matrix's block */
-    dgfem_matrix *matrix;
+    size_t *map;           /*   place of the matrix's block; NULL until dgfem_mvci_prepare_solver */
+    dgfem_matrix *matrix;     /* this and the next three: NULL until dgfem_mvci_prepare_solver */
     dgfem_cholesky *cholesky; /* NULL with PCG */
     size_t *diagonal;         /* [node_count] place of the matrix's block */
+    double factor_flops;      /* of the latest factorization, before the latest cut if need be; or 0 */
     char *held;               /* [node_count] axes held */
     dgfem_mat3 *next;         /* [element_count] rotations that become the body's when a call succeeds */
     dgfem_vec3 *work;         /* DGFEM_MVCI_VECTORS * [node_count] */
@@ -2517,12 +2520,34 @@ static dgfem_status dgfem_mvci_create_matrix(const dgfem_mvc *body, dgfem_mvc_sy
     return status ? dgfem_mvci_fail(&body->hooks, status, "the matrix of %d nodes", body->node_count) : DGFEM_OK;
 }
 
-static dgfem_status dgfem_mvci_create_solver(const dgfem_mvc *body, dgfem_mvc_system *system) {
+/* Where factorizations are dear, a good order of elimination pays with the first of them. Otherwise a fair one that
+   costs a tenth of it to find does as well: a body that is being cut is analysed often. */
+static dgfem_ordering dgfem_mvci_choose_ordering(const dgfem_mvc *body, int is_cut) {
+    const double dear = 2e9, per_node = 80; /* as measured in tetrahedra and their parts */
+    double flops = body->system->factor_flops, nodes = (double)body->node_count;
+    if (!(flops > 0)) flops = per_node * nodes * nodes;
+    return is_cut && flops < dear ? DGFEM_ORDERING_MINIMUM_DEGREE : DGFEM_ORDERING_AUTO;
+}
+
+static void dgfem_mvci_free_solver(const dgfem_hooks *hooks, dgfem_mvc_system *system) {
+    dgfem_mvci_free(hooks, system->map);
+    dgfem_mvci_free(hooks, system->diagonal);
+    dgfem_mvci_free(hooks, system->pcg_work);
+    dgfem_matrix_destroy(system->matrix);
+    dgfem_cholesky_destroy(system->cholesky);
+    system->map = system->diagonal = NULL;
+    system->pcg_work = NULL;
+    system->matrix = NULL;
+    system->cholesky = NULL;
+}
+
+static dgfem_status dgfem_mvci_create_solver(const dgfem_mvc *body, dgfem_mvc_system *system, int is_cut) {
     const dgfem_hooks *hooks = &body->hooks;
     size_t pairs = system->pair_start[body->element_count];
     dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
     dgfem_status status = dgfem_mvci_create_matrix(body, system);
     if (status) return status;
+    desc.ordering = dgfem_mvci_choose_ordering(body, is_cut);
     desc.hooks = *hooks;
     desc.hooks.log = NULL;
     if (body->desc.solver == DGFEM_SOLVER_CHOLESKY)
@@ -2539,6 +2564,15 @@ static dgfem_status dgfem_mvci_create_solver(const dgfem_mvc *body, dgfem_mvc_sy
     return DGFEM_OK;
 }
 
+/* The matrix and its solver, where they are not there yet: cuts leave them to the next step or solve, so that several
+   in a row make them once. On failure nothing has changed. */
+static dgfem_status dgfem_mvci_prepare_solver(dgfem_mvc *body, int is_cut) {
+    if (body->system->matrix) return DGFEM_OK;
+    dgfem_status status = dgfem_mvci_create_solver(body, body->system, is_cut);
+    if (status) dgfem_mvci_free_solver(&body->hooks, body->system);
+    return status;
+}
+
 /* ---- topology: all that is made anew when the mesh changes ---- */
 
 static void dgfem_mvci_system_destroy(const dgfem_hooks *hooks, dgfem_mvc_system *system) {
@@ -2549,15 +2583,11 @@ static void dgfem_mvci_system_destroy(const dgfem_hooks *hooks, dgfem_mvc_system
     dgfem_mvci_free(hooks, system->mean);
     dgfem_mvci_free(hooks, system->pair_start);
     dgfem_mvci_free(hooks, system->stiffness);
-    dgfem_mvci_free(hooks, system->map);
-    dgfem_mvci_free(hooks, system->diagonal);
+    dgfem_mvci_free_solver(hooks, system);
     dgfem_mvci_free(hooks, system->held);
     dgfem_mvci_free(hooks, system->next);
     dgfem_mvci_free(hooks, system->work);
     dgfem_mvci_free(hooks, system->local);
-    dgfem_mvci_free(hooks, system->pcg_work);
-    dgfem_matrix_destroy(system->matrix);
-    dgfem_cholesky_destroy(system->cholesky);
     dgfem_mvci_free(hooks, system);
 }
 
@@ -2608,8 +2638,8 @@ static void dgfem_mvci_adopt_mesh(dgfem_mvc *body, dgfem_mvci_mesh *mesh) {
     body->velocity = mesh->velocity;
 }
 
-/* Makes everything that follows from body->mesh, body->material filled in from desc.materials or from what the elements
-   were in `before`. On failure the caller frees the topology. */
+/* Makes everything that follows from body->mesh, but for the matrix and its solver; body->material is filled in from
+   desc.materials or from what the elements were in `before`. On failure the caller frees the topology. */
 static dgfem_status dgfem_mvci_build_topology(dgfem_mvc *body, const dgfem_mesh *source, const dgfem_mvc *before) {
     size_t points;
     int corners;
@@ -2626,7 +2656,8 @@ static dgfem_status dgfem_mvci_build_topology(dgfem_mvc *body, const dgfem_mesh 
     dgfem_status status = dgfem_mvci_integrate(body, body->system, before, points, corners);
     if (status) return status;
     dgfem_mvci_measure_nodes(body, body->system);
-    return dgfem_mvci_create_solver(body, body->system);
+    if (before) body->system->factor_flops = before->system->factor_flops;
+    return DGFEM_OK;
 }
 
 /* ==== create.c ==================================================================================================== */
@@ -2723,6 +2754,7 @@ DGFEM_API dgfem_status dgfem_mvc_create(const dgfem_mvc_desc *desc, dgfem_mvc **
     if (!status) {
         dgfem_mvci_adopt_mesh(body, mesh);
         status = dgfem_mvci_build_topology(body, desc->mesh, NULL);
+        if (!status) status = dgfem_mvci_prepare_solver(body, 0);
     }
     body->desc.mesh = NULL; /* the caller's arrays need not outlive this call */
     body->desc.materials = NULL;
@@ -3063,12 +3095,73 @@ static dgfem_mat3 dgfem_mvci_quaternion_rotation(double w, double x, double y, d
     return r;
 }
 
+/* x = a^-1 b for a symmetric matrix. 0 where not all its pivots are above `least`. */
+static int dgfem_mvci_solve3(const double a[3][3], const double b[3], double least, double x[3]) {
+    double d0 = a[0][0], l1 = a[1][0] / d0, l2 = a[2][0] / d0, d1 = a[1][1] - l1 * a[1][0];
+    double c = a[2][1] - l2 * a[1][0], l3 = c / d1, d2 = a[2][2] - l2 * a[2][0] - l3 * c;
+    if (!(d0 > least && d1 > least && d2 > least)) return 0;
+    double y1 = b[1] - l1 * b[0], y2 = b[2] - l2 * b[0] - l3 * y1;
+    x[2] = y2 / d2;
+    x[1] = y1 / d1 - l3 * x[2];
+    x[0] = b[0] / d0 - l1 * x[1] - l2 * x[2];
+    return 1;
+}
+
+/* c = a b. */
+static void dgfem_mvci_product3(const double a[3][3], const double b[3][3], double c[3][3]) {
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) c[i][j] = a[i][0] * b[0][j] + a[i][1] * b[1][j] + a[i][2] * b[2][j];
+}
+
+/* A rotation close to q: (3 q - q q^T q) / 2, for one that is so but for round-off. */
+static void dgfem_mvci_straighten(double q[3][3]) {
+    double square[3][3], cube[3][3];
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) square[i][j] = q[i][0] * q[j][0] + q[i][1] * q[j][1] + q[i][2] * q[j][2];
+    dgfem_mvci_product3((const double(*)[3])square, (const double(*)[3])q, cube);
+    for (int i = 0; i < 9; i++) q[i / 3][i % 3] = (3 * q[i / 3][i % 3] - cube[i / 3][i % 3]) / 2;
+}
+
+/* Newton's method for the rotation q that makes tr(q s) greatest, from `last`. With m = q s, a small turn w changes the
+   trace by w . axis(m) - w . (tr m - m) w / 2. Of the places where m is symmetric, only the greatest has tr m - m
+   positive definite. 0 where that is not reached, or nearly not. */
+static int dgfem_mvci_follow(const double s[3][3], double size, const dgfem_mat3 *last, dgfem_mat3 *out) {
+    double q[3][3], m[3][3], b[3], w[3], turn[3][3], a[3][3], next[3][3], square = 1;
+    for (int i = 0; i < 9; i++) q[i / 3][i % 3] = (double)last->m[i / 3][i % 3];
+    dgfem_mvci_straighten(q);
+    for (int step = 0; step < 8; step++) {
+        dgfem_mvci_product3((const double(*)[3])q, s, m);
+        double trace = m[0][0] + m[1][1] + m[2][2];
+        for (int i = 0; i < 9; i++)
+            a[i / 3][i % 3] = (i % 4 ? 0 : trace) - (m[i / 3][i % 3] + m[i % 3][i / 3]) / 2;
+        b[0] = m[1][2] - m[2][1], b[1] = m[2][0] - m[0][2], b[2] = m[0][1] - m[1][0];
+        if (!dgfem_mvci_solve3((const double(*)[3])a, b, 1e-3 * size, w)) return 0;
+        if (square < 1e-18) break; /* the turn before was this short: what is left is its square */
+        square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2];
+        if (!(square < 4)) return 0;
+        double h[3], scale = 2 / (1 + square / 4);
+        for (int k = 0; k < 3; k++) h[k] = w[k] / 2;
+        for (int i = 0; i < 9; i++)
+            turn[i / 3][i % 3] = scale * h[i / 3] * h[i % 3] + (i % 4 ? 0 : 1 - scale * (square / 4));
+        turn[0][1] -= scale * h[2], turn[1][0] += scale * h[2];
+        turn[0][2] += scale * h[1], turn[2][0] -= scale * h[1];
+        turn[1][2] -= scale * h[0], turn[2][1] += scale * h[0];
+        dgfem_mvci_product3((const double(*)[3])turn, (const double(*)[3])q, next);
+        memcpy(q, next, sizeof q);
+    }
+    if (!(square < 1e-18)) return 0;
+    for (int i = 0; i < 9; i++) out->m[i / 3][i % 3] = (dgfem_real)q[i / 3][i % 3];
+    return 1;
+}
+
 /* Horn's fit to s = sum of weights times rest (row) times position (column), both about their centres, at rest of trace
    `inertia`; `last` where it is not determined: all in one place, on a line, or inverted like a point reflection. */
 static dgfem_mat3 dgfem_mvci_horn(double s[3][3], double inertia, const dgfem_mat3 *last) {
     double a[4][4], v[4][4], size = inertia * inertia;
     int best = 0, second = 1;
     for (int i = 0; i < 9; i++) size += s[i / 3][i % 3] * s[i / 3][i % 3];
+    dgfem_mat3 near;
+    if (dgfem_mvci_follow((const double(*)[3])s, sqrt(size), last, &near)) return near;
     a[0][0] = s[0][0] + s[1][1] + s[2][2];
     a[0][1] = a[1][0] = s[1][2] - s[2][1];
     a[0][2] = a[2][0] = s[2][0] - s[0][2];
@@ -3412,6 +3505,7 @@ static dgfem_status dgfem_mvci_solve(dgfem_mvc *body, dgfem_vec3 *rhs, dgfem_vec
         double middle = dgfem_mvci_clock(hooks);
         info->seconds_factor += middle - start;
         info->failed_node = factor.failed_block;
+        body->system->factor_flops = factor.factor_flops;
         if (!status) status = dgfem_cholesky_solve(body->system->cholesky, dgfem_mvci_reals(rhs), dgfem_mvci_reals(x));
         info->seconds_solve += dgfem_mvci_clock(hooks) - middle;
     }
@@ -3456,7 +3550,8 @@ static void dgfem_mvci_commit_rotations(dgfem_mvc *body) {
 static dgfem_status dgfem_mvci_step(dgfem_mvc *body, dgfem_real h, dgfem_mvc_info *info) {
     dgfem_vec3 *rhs = dgfem_mvci_vector(body, DGFEM_MVCI_RHS), *v = dgfem_mvci_vector(body, DGFEM_MVCI_SOLUTION);
     size_t size = (size_t)body->node_count * sizeof *v;
-    dgfem_status status = dgfem_mvci_collect_held(body, 1);
+    dgfem_status status = dgfem_mvci_prepare_solver(body, 1);
+    if (!status) status = dgfem_mvci_collect_held(body, 1);
     if (status) return status;
     dgfem_mvci_assemble_step(body, h, rhs, info);
     memcpy(v, body->velocity, size);
@@ -3679,6 +3774,7 @@ DGFEM_API dgfem_status dgfem_mvc_solve_static(dgfem_mvc *body, const dgfem_mvc_s
                                  desc->max_sweeps);
     if (!status) status = dgfem_mvci_collect_held(body, 1);
     if (!status) status = dgfem_mvci_check_held(body);
+    if (!status) status = dgfem_mvci_prepare_solver(body, 1);
     if (!status) status = dgfem_mvci_solve_static(body, desc, &local);
     if (info) *info = local;
     return status;
@@ -4067,8 +4163,8 @@ static dgfem_status dgfem_mvci_transfer_conditions(const dgfem_mvc *body, const 
 
 /* Makes an edited, compacted copy of its mesh the body's: state and origin of nodes, faces and elements are those that
    the mesh records since dgfem_mvci_mesh_begin. Elements that have not changed keep their integrals; conditions stay
-   where they were; pattern and symbolic factorization are made anew. On success the mesh is the body's, and its history
-   begins anew; on failure nothing has changed and the mesh is still the caller's. */
+   where they were; the matrix and its symbolic factorization are left to the next step or solve. On success the mesh is
+   the body's, and its history begins anew; on failure nothing has changed and the mesh is still the caller's. */
 static dgfem_status dgfem_mvci_body_accept_mesh(dgfem_mvc *body, dgfem_mvci_mesh *mesh) {
     dgfem_mvc next = *body;
     next.mass = next.area = next.modulus = next.volume = NULL;

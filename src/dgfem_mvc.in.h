@@ -40,7 +40,8 @@
    further.
 
    Large rotations are dealt with by stiffness warping: a linear element in a frame that turns with it. One linear
-   system is solved in each step; pattern and symbolic factorization are made once, and again after a cut.
+   system is solved in each step; pattern and symbolic factorization are made once, and again in the first step after
+   cuts.
 
 
    A WHOLE PROGRAM

@@ -39,8 +39,9 @@ typedef struct dgfemi_face_form {
     int face;
     int element[2]; /* element[1] is DGFEM_NONE on a held face */
     int count[2];   /* functions of each side; count[1] of the ghost on a held face */
-    size_t data;    /* chunk: P, Q [(count[0] + count[1])^2] each, q^0, q^1 [(count[0] + count[1]) * (count[s] - 1)]
-                              vectors where there are tractions, ghost [count[1]] vectors on a held face */
+    size_t data;    /* chunk: P_ij, Q_ij and, where there are tractions, q_ij and q_ji (of the sides of j and i), by
+                              rows i of the lower triangle, i counting the functions of both sides; ghost [count[1]]
+                              vectors on a held face */
     dgfem_real eta_stiff; /* eta0 p^2 g_f */
     dgfem_real eta_rest;  /* eta_r p^2 g_f */
     dgfem_real weight;    /* of the average: 1/2, on a held face 1 */
@@ -85,26 +86,21 @@ static size_t dgfemi_form_sides(const dgfemi_face_form *form) { return (size_t)(
 static int dgfemi_form_has_traction(const dgfemi_face_form *form, int side) {
     return form->consistent && form->element[side] != DGFEM_NONE;
 }
-static size_t dgfemi_form_traction_size(const dgfemi_face_form *form, int side) {
-    return dgfemi_form_has_traction(form, side) ? 3 * dgfemi_form_sides(form) * (size_t)(form->count[side] - 1) : 0;
+/* Integrals of each pair of functions. */
+static int dgfemi_form_terms(const dgfemi_face_form *form) { return form->consistent ? 8 : 2; }
+static size_t dgfemi_form_pairs_size(const dgfemi_face_form *form) {
+    size_t sides = dgfemi_form_sides(form);
+    return (size_t)dgfemi_form_terms(form) * (sides * (sides + 1) / 2);
 }
 static size_t dgfemi_face_form_size(const dgfemi_face_form *form) {
-    size_t sides = dgfemi_form_sides(form);
-    return 2 * sides * sides + dgfemi_form_traction_size(form, 0) + dgfemi_form_traction_size(form, 1) +
-           (form->element[1] == DGFEM_NONE ? 3 * (size_t)form->count[1] : 0);
+    return dgfemi_form_pairs_size(form) + (form->element[1] == DGFEM_NONE ? 3 * (size_t)form->count[1] : 0);
 }
-static dgfem_real *dgfemi_form_stiff(const dgfem_forms *forms, const dgfemi_face_form *form) {
-    return forms->data + form->data;
-}
-static dgfem_real *dgfemi_form_rest(const dgfem_forms *forms, const dgfemi_face_form *form) {
-    return dgfemi_form_stiff(forms, form) + dgfemi_form_sides(form) * dgfemi_form_sides(form);
-}
-static dgfem_vec3 *dgfemi_form_traction(const dgfem_forms *forms, const dgfemi_face_form *form, int side) {
-    dgfem_real *first = dgfemi_form_rest(forms, form) + dgfemi_form_sides(form) * dgfemi_form_sides(form);
-    return (dgfem_vec3 *)(void *)(first + (side ? dgfemi_form_traction_size(form, 0) : 0));
+/* Those of functions i >= j. */
+static dgfem_real *dgfemi_form_pair(const dgfem_forms *forms, const dgfemi_face_form *form, int i, int j) {
+    return forms->data + form->data + dgfemi_form_terms(form) * (i * (i + 1) / 2 + j);
 }
 static dgfem_vec3 *dgfemi_form_ghost(const dgfem_forms *forms, const dgfemi_face_form *form) {
-    return dgfemi_form_traction(forms, form, 0) + dgfemi_form_traction_size(form, 0) / 3;
+    return (dgfem_vec3 *)(void *)(forms->data + form->data + dgfemi_form_pairs_size(form));
 }
 
 /* ---- the pool ---- */
@@ -383,24 +379,29 @@ static void dgfemi_face_projection(const dgfemi_face_frame *frame, dgfem_real *o
             for (int j = 0; j < sides; j++) out[i * sides + j] += r[m * sides + i] * r[m * sides + j];
 }
 
-/* q_ij = int J_i grad N_j for the functions of one side that starts at `first` with `sign` in the jump. */
-static void dgfemi_face_tractions(const dgfemi_face_frame *frame, int first, int count, dgfem_real sign,
-                                  dgfem_vec3 *out) {
-    for (int i = 0; i < frame->sides; i++)
-        for (int j = 1; j < count; j++) {
-            dgfem_real q[3];
-            for (int axis = 0; axis < 3; axis++) {
-                q[axis] = 0;
-                for (int k = 1; k < frame->count; k++) {
-                    int lower = dgfemi_derivative_index(k, axis);
-                    if (lower == DGFEM_NONE) continue;
-                    q[axis] +=
-                        (dgfem_real)dgfemi_exponents[k][axis] * frame->jump[first + j][k] * frame->jump_gram[i][lower];
-                }
-                q[axis] *= sign / frame->scale;
-            }
-            *out++ = dgfemi_vec3(q[0], q[1], q[2]);
+/* q_ij = int J_i grad N_j: i and j count the functions of both sides; `sign` is that of j's side in the jump. */
+static void dgfemi_face_traction_integral(const dgfemi_face_frame *frame, int i, int j, dgfem_real sign,
+                                          dgfem_real out[3]) {
+    for (int axis = 0; axis < 3; axis++) {
+        out[axis] = 0;
+        for (int k = 1; k < frame->count; k++) {
+            int lower = dgfemi_derivative_index(k, axis);
+            if (lower == DGFEM_NONE) continue;
+            out[axis] += (dgfem_real)dgfemi_exponents[k][axis] * frame->jump[j][k] * frame->jump_gram[i][lower];
         }
+        out[axis] *= sign / frame->scale;
+    }
+}
+
+/* The tractions of a pair, zeros where there are none. */
+static void dgfemi_face_pair_tractions(const dgfemi_face_frame *frame, const dgfemi_face_form *form, int i, int j,
+                                       dgfem_real *out) {
+    for (int k = 0; k < 2; k++, out += 3) {
+        int function = k ? i : j, side = function >= form->count[0];
+        if (function == (side ? form->count[0] : 0) || !dgfemi_form_has_traction(form, side))
+            out[0] = out[1] = out[2] = 0;
+        else dgfemi_face_traction_integral(frame, k ? j : i, function, side ? DGFEM_R(-1) : DGFEM_R(1), out);
+    }
 }
 
 /* g_f of the sheet: patch areas over volumes; 4 A/V on a held face, where the one side carries all. */
@@ -426,16 +427,17 @@ static int dgfemi_forms_set_face(const dgfem_body *body, dgfem_forms *forms, dgf
     dgfemi_form_set_counts(body, form);
     if (!dgfemi_forms_take(forms, &body->hooks, dgfemi_face_form_size(form), &form->data)) return 0;
     dgfemi_face_frame_set(body, form, &frame);
-    size_t square = dgfemi_form_sides(form) * dgfemi_form_sides(form);
-    dgfem_real *stiff = dgfemi_form_stiff(forms, form), *rest = dgfemi_form_rest(forms, form);
-    dgfemi_face_jump_products(&frame, rest);
+    dgfem_real whole[4 * DGFEM_MAX_BASIS * DGFEM_MAX_BASIS], stiff[4 * DGFEM_MAX_BASIS * DGFEM_MAX_BASIS];
+    dgfemi_face_jump_products(&frame, whole);
     if (body->desc.penalty == DGFEM_PENALTY_SPLIT) dgfemi_face_projection(&frame, stiff);
-    else memcpy(stiff, rest, square * sizeof *stiff);
-    for (size_t i = 0; i < square; i++) rest[i] -= stiff[i];
-    for (int s = 0; s < 2; s++)
-        if (dgfemi_form_has_traction(form, s))
-            dgfemi_face_tractions(&frame, s ? form->count[0] : 0, form->count[s], s ? DGFEM_R(-1) : DGFEM_R(1),
-                                  dgfemi_form_traction(forms, form, s));
+    else memcpy(stiff, whole, (size_t)frame.sides * (size_t)frame.sides * sizeof *stiff);
+    for (int i = 0; i < frame.sides; i++)
+        for (int j = 0; j <= i; j++) {
+            dgfem_real *pair = dgfemi_form_pair(forms, form, i, j);
+            pair[0] = stiff[i * frame.sides + j];
+            pair[1] = whole[i * frame.sides + j] - pair[0];
+            if (form->consistent) dgfemi_face_pair_tractions(&frame, form, i, j, pair + 2);
+        }
     if (b == DGFEM_NONE) memset(dgfemi_form_ghost(forms, form), 0, (size_t)form->count[1] * sizeof(dgfem_vec3));
     dgfem_real penalty = dgfemi_face_penalty(body->mesh, form) * (dgfem_real)(frame.degree * frame.degree);
     form->eta_stiff = body->desc.eta * penalty;

@@ -513,15 +513,16 @@ static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int
 
 /* ---- 3x3 matrices ---- */
 
-/* out = a b: `rows` matrices of 3x3 as sums of `inner` ones, those of b, with the factors in a. A matrix takes
-   DGFEM_MATRIX_STRIDE reals; those after the ninth are not looked at. */
-static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out) {
+/* out = a b for `rows` rows of a, with a constant number of columns. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_combine_rows)(const dgfem_real *a, int rows, int inner, const dgfem_real *b,
+                                                  dgfem_real *out) {
     enum { VECTORS = (9 + DGFEM_V_LANES - 1) / DGFEM_V_LANES };
     int k, v;
     for (; rows > 0; rows--, a += inner, out += DGFEM_MATRIX_STRIDE) {
         DGFEM_VECTOR sum[VECTORS];
         DGFEM_UNROLL
         for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_MUL(DGFEM_V_LOAD(b + v * DGFEM_V_LANES), DGFEM_V_ALL(a[0]));
+        DGFEM_UNROLL
         for (k = 1; k < inner; k++) {
             DGFEM_VECTOR factor = DGFEM_V_ALL(a[k]);
             DGFEM_UNROLL
@@ -531,6 +532,14 @@ static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner,
         DGFEM_UNROLL
         for (v = 0; v < VECTORS; v++) DGFEM_V_STORE(out + v * DGFEM_V_LANES, sum[v]);
     }
+}
+
+/* out = a b: `rows` matrices of 3x3 as sums of `inner` (2, 8 or 9) ones, those of b, with the factors in a. A matrix takes
+   DGFEM_MATRIX_STRIDE reals; those after the ninth are not looked at. */
+static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out) {
+    if (inner == 2) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 2, b, out);
+    else if (inner == 8) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 8, b, out);
+    else DGFEM_PATH(dgfemi_combine_rows)(a, rows, 9, b, out);
 }
 
 static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {

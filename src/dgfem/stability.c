@@ -55,7 +55,7 @@ static void dgfemi_add_traction_energy(const dgfemi_face_frame *frame, int count
             for (int l = 0; l < lower_count; l++) {
                 dgfem_mat3 transposed = dgfemi_transposed(&t[i][l]);
                 dgfem_mat3 product = dgfemi_multiply3(&transposed, &moment[l]);
-                dgfemi_add_block(a, 3 * count, i, j, product.m[0]);
+                dgfemi_add_block(a + 3 * (3 * i * count + j), 3 * count, product.m[0]);
             }
     }
 }
@@ -74,7 +74,7 @@ static void dgfemi_stability_pair(const dgfem_body *body, int element, dgfem_rea
             for (int c = 0; c < 9; c++)
                 k.m[c / 3][c % 3] = lambda * g[c] + mu * g[3 * (c % 3) + c / 3] +
                                     (c % 4 == 0 ? mu * (g[0] + g[4] + g[8]) : 0);
-            dgfemi_add_block(b, size, i, j, k.m[0]);
+            dgfemi_add_block(b + 3 * (i * size + j), size, k.m[0]);
         }
     dgfem_real scale = b[(3 + 0) * size + 3] + b[(3 + 1) * size + 4]; /* of the linear functions */
     for (int k = 0; k < 3; k++) {

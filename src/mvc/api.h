@@ -205,7 +205,8 @@ DGFEM_API dgfem_status dgfem_mvc_move_shape(dgfem_mvc *body, int id, const dgfem
 /* ---- motion ---- */
 
 /* One step of semi-implicit Euler: (M + h D + h^2 K) v+ = M v + h (F - f(x)), x+ = x + h v+, with the elements'
-   rotations at its beginning. Nothing is allocated. On failure nothing has changed. info may be NULL. */
+   rotations at its beginning. Nothing is allocated, except by the first step or solve after a cut, which makes the
+   matrix and its solver anew. On failure nothing has changed. info may be NULL. */
 DGFEM_API dgfem_status dgfem_mvc_step(dgfem_mvc *body, dgfem_real dt, dgfem_mvc_info *info);
 
 /* Static equilibrium, from the current state, of loads, fixtures and pins (contact takes no part). Velocities become

@@ -92,6 +92,7 @@ DGFEM_API dgfem_status dgfem_mvc_create(const dgfem_mvc_desc *desc, dgfem_mvc **
     if (!status) {
         dgfem_mvci_adopt_mesh(body, mesh);
         status = dgfem_mvci_build_topology(body, desc->mesh, NULL);
+        if (!status) status = dgfem_mvci_prepare_solver(body, 0);
     }
     body->desc.mesh = NULL; /* the caller's arrays need not outlive this call */
     body->desc.materials = NULL;

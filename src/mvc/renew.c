@@ -118,8 +118,8 @@ static dgfem_status dgfem_mvci_transfer_conditions(const dgfem_mvc *body, const 
 
 /* Makes an edited, compacted copy of its mesh the body's: state and origin of nodes, faces and elements are those that
    the mesh records since dgfem_mvci_mesh_begin. Elements that have not changed keep their integrals; conditions stay
-   where they were; pattern and symbolic factorization are made anew. On success the mesh is the body's, and its history
-   begins anew; on failure nothing has changed and the mesh is still the caller's. */
+   where they were; the matrix and its symbolic factorization are left to the next step or solve. On success the mesh is
+   the body's, and its history begins anew; on failure nothing has changed and the mesh is still the caller's. */
 static dgfem_status dgfem_mvci_body_accept_mesh(dgfem_mvc *body, dgfem_mvci_mesh *mesh) {
     dgfem_mvc next = *body;
     next.mass = next.area = next.modulus = next.volume = NULL;

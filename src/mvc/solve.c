@@ -35,6 +35,7 @@ static dgfem_status dgfem_mvci_solve(dgfem_mvc *body, dgfem_vec3 *rhs, dgfem_vec
         double middle = dgfem_mvci_clock(hooks);
         info->seconds_factor += middle - start;
         info->failed_node = factor.failed_block;
+        body->system->factor_flops = factor.factor_flops;
         if (!status) status = dgfem_cholesky_solve(body->system->cholesky, dgfem_mvci_reals(rhs), dgfem_mvci_reals(x));
         info->seconds_solve += dgfem_mvci_clock(hooks) - middle;
     }
@@ -79,7 +80,8 @@ static void dgfem_mvci_commit_rotations(dgfem_mvc *body) {
 static dgfem_status dgfem_mvci_step(dgfem_mvc *body, dgfem_real h, dgfem_mvc_info *info) {
     dgfem_vec3 *rhs = dgfem_mvci_vector(body, DGFEM_MVCI_RHS), *v = dgfem_mvci_vector(body, DGFEM_MVCI_SOLUTION);
     size_t size = (size_t)body->node_count * sizeof *v;
-    dgfem_status status = dgfem_mvci_collect_held(body, 1);
+    dgfem_status status = dgfem_mvci_prepare_solver(body, 1);
+    if (!status) status = dgfem_mvci_collect_held(body, 1);
     if (status) return status;
     dgfem_mvci_assemble_step(body, h, rhs, info);
     memcpy(v, body->velocity, size);
@@ -302,6 +304,7 @@ DGFEM_API dgfem_status dgfem_mvc_solve_static(dgfem_mvc *body, const dgfem_mvc_s
                                  desc->max_sweeps);
     if (!status) status = dgfem_mvci_collect_held(body, 1);
     if (!status) status = dgfem_mvci_check_held(body);
+    if (!status) status = dgfem_mvci_prepare_solver(body, 1);
     if (!status) status = dgfem_mvci_solve_static(body, desc, &local);
     if (info) *info = local;
     return status;

@@ -18,10 +18,11 @@ struct dgfem_mvc_system {
     dgfem_vec3 *mean;      /*   <grad phi_i> */
     size_t *pair_start;    /* [element_count + 1] into what elements have per pair of nodes (a, b), b <= a: */
     dgfem_real *stiffness; /*   9 numbers, row-major, at rest */
-    size_t *map;           /*   place of the matrix's block */
-    dgfem_matrix *matrix;
+    size_t *map;           /*   place of the matrix's block; NULL until dgfem_mvci_prepare_solver */
+    dgfem_matrix *matrix;     /* this and the next three: NULL until dgfem_mvci_prepare_solver */
     dgfem_cholesky *cholesky; /* NULL with PCG */
     size_t *diagonal;         /* [node_count] place of the matrix's block */
+    double factor_flops;      /* of the latest factorization, before the latest cut if need be; or 0 */
     char *held;               /* [node_count] axes held */
     dgfem_mat3 *next;         /* [element_count] rotations that become the body's when a call succeeds */
     dgfem_vec3 *work;         /* DGFEM_MVCI_VECTORS * [node_count] */
@@ -242,12 +243,34 @@ static dgfem_status dgfem_mvci_create_matrix(const dgfem_mvc *body, dgfem_mvc_sy
     return status ? dgfem_mvci_fail(&body->hooks, status, "the matrix of %d nodes", body->node_count) : DGFEM_OK;
 }
 
-static dgfem_status dgfem_mvci_create_solver(const dgfem_mvc *body, dgfem_mvc_system *system) {
+/* Where factorizations are dear, a good order of elimination pays with the first of them. Otherwise a fair one that
+   costs a tenth of it to find does as well: a body that is being cut is analysed often. */
+static dgfem_ordering dgfem_mvci_choose_ordering(const dgfem_mvc *body, int is_cut) {
+    const double dear = 2e9, per_node = 80; /* as measured in tetrahedra and their parts */
+    double flops = body->system->factor_flops, nodes = (double)body->node_count;
+    if (!(flops > 0)) flops = per_node * nodes * nodes;
+    return is_cut && flops < dear ? DGFEM_ORDERING_MINIMUM_DEGREE : DGFEM_ORDERING_AUTO;
+}
+
+static void dgfem_mvci_free_solver(const dgfem_hooks *hooks, dgfem_mvc_system *system) {
+    dgfem_mvci_free(hooks, system->map);
+    dgfem_mvci_free(hooks, system->diagonal);
+    dgfem_mvci_free(hooks, system->pcg_work);
+    dgfem_matrix_destroy(system->matrix);
+    dgfem_cholesky_destroy(system->cholesky);
+    system->map = system->diagonal = NULL;
+    system->pcg_work = NULL;
+    system->matrix = NULL;
+    system->cholesky = NULL;
+}
+
+static dgfem_status dgfem_mvci_create_solver(const dgfem_mvc *body, dgfem_mvc_system *system, int is_cut) {
     const dgfem_hooks *hooks = &body->hooks;
     size_t pairs = system->pair_start[body->element_count];
     dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
     dgfem_status status = dgfem_mvci_create_matrix(body, system);
     if (status) return status;
+    desc.ordering = dgfem_mvci_choose_ordering(body, is_cut);
     desc.hooks = *hooks;
     desc.hooks.log = NULL;
     if (body->desc.solver == DGFEM_SOLVER_CHOLESKY)
@@ -264,6 +287,15 @@ static dgfem_status dgfem_mvci_create_solver(const dgfem_mvc *body, dgfem_mvc_sy
     return DGFEM_OK;
 }
 
+/* The matrix and its solver, where they are not there yet: cuts leave them to the next step or solve, so that several
+   in a row make them once. On failure nothing has changed. */
+static dgfem_status dgfem_mvci_prepare_solver(dgfem_mvc *body, int is_cut) {
+    if (body->system->matrix) return DGFEM_OK;
+    dgfem_status status = dgfem_mvci_create_solver(body, body->system, is_cut);
+    if (status) dgfem_mvci_free_solver(&body->hooks, body->system);
+    return status;
+}
+
 /* ---- topology: all that is made anew when the mesh changes ---- */
 
 static void dgfem_mvci_system_destroy(const dgfem_hooks *hooks, dgfem_mvc_system *system) {
@@ -274,15 +306,11 @@ static void dgfem_mvci_system_destroy(const dgfem_hooks *hooks, dgfem_mvc_system
     dgfem_mvci_free(hooks, system->mean);
     dgfem_mvci_free(hooks, system->pair_start);
     dgfem_mvci_free(hooks, system->stiffness);
-    dgfem_mvci_free(hooks, system->map);
-    dgfem_mvci_free(hooks, system->diagonal);
+    dgfem_mvci_free_solver(hooks, system);
     dgfem_mvci_free(hooks, system->held);
     dgfem_mvci_free(hooks, system->next);
     dgfem_mvci_free(hooks, system->work);
     dgfem_mvci_free(hooks, system->local);
-    dgfem_mvci_free(hooks, system->pcg_work);
-    dgfem_matrix_destroy(system->matrix);
-    dgfem_cholesky_destroy(system->cholesky);
     dgfem_mvci_free(hooks, system);
 }
 
@@ -333,8 +361,8 @@ static void dgfem_mvci_adopt_mesh(dgfem_mvc *body, dgfem_mvci_mesh *mesh) {
     body->velocity = mesh->velocity;
 }
 
-/* Makes everything that follows from body->mesh, body->material filled in from desc.materials or from what the elements
-   were in `before`. On failure the caller frees the topology. */
+/* Makes everything that follows from body->mesh, but for the matrix and its solver; body->material is filled in from
+   desc.materials or from what the elements were in `before`. On failure the caller frees the topology. */
 static dgfem_status dgfem_mvci_build_topology(dgfem_mvc *body, const dgfem_mesh *source, const dgfem_mvc *before) {
     size_t points;
     int corners;
@@ -351,5 +379,6 @@ static dgfem_status dgfem_mvci_build_topology(dgfem_mvc *body, const dgfem_mesh 
     dgfem_status status = dgfem_mvci_integrate(body, body->system, before, points, corners);
     if (status) return status;
     dgfem_mvci_measure_nodes(body, body->system);
-    return dgfem_mvci_create_solver(body, body->system);
+    if (before) body->system->factor_flops = before->system->factor_flops;
+    return DGFEM_OK;
 }

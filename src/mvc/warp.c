@@ -55,12 +55,73 @@ static dgfem_mat3 dgfem_mvci_quaternion_rotation(double w, double x, double y, d
     return r;
 }
 
+/* x = a^-1 b for a symmetric matrix. 0 where not all its pivots are above `least`. */
+static int dgfem_mvci_solve3(const double a[3][3], const double b[3], double least, double x[3]) {
+    double d0 = a[0][0], l1 = a[1][0] / d0, l2 = a[2][0] / d0, d1 = a[1][1] - l1 * a[1][0];
+    double c = a[2][1] - l2 * a[1][0], l3 = c / d1, d2 = a[2][2] - l2 * a[2][0] - l3 * c;
+    if (!(d0 > least && d1 > least && d2 > least)) return 0;
+    double y1 = b[1] - l1 * b[0], y2 = b[2] - l2 * b[0] - l3 * y1;
+    x[2] = y2 / d2;
+    x[1] = y1 / d1 - l3 * x[2];
+    x[0] = b[0] / d0 - l1 * x[1] - l2 * x[2];
+    return 1;
+}
+
+/* c = a b. */
+static void dgfem_mvci_product3(const double a[3][3], const double b[3][3], double c[3][3]) {
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) c[i][j] = a[i][0] * b[0][j] + a[i][1] * b[1][j] + a[i][2] * b[2][j];
+}
+
+/* A rotation close to q: (3 q - q q^T q) / 2, for one that is so but for round-off. */
+static void dgfem_mvci_straighten(double q[3][3]) {
+    double square[3][3], cube[3][3];
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) square[i][j] = q[i][0] * q[j][0] + q[i][1] * q[j][1] + q[i][2] * q[j][2];
+    dgfem_mvci_product3((const double(*)[3])square, (const double(*)[3])q, cube);
+    for (int i = 0; i < 9; i++) q[i / 3][i % 3] = (3 * q[i / 3][i % 3] - cube[i / 3][i % 3]) / 2;
+}
+
+/* Newton's method for the rotation q that makes tr(q s) greatest, from `last`. With m = q s, a small turn w changes the
+   trace by w . axis(m) - w . (tr m - m) w / 2. Of the places where m is symmetric, only the greatest has tr m - m
+   positive definite. 0 where that is not reached, or nearly not. */
+static int dgfem_mvci_follow(const double s[3][3], double size, const dgfem_mat3 *last, dgfem_mat3 *out) {
+    double q[3][3], m[3][3], b[3], w[3], turn[3][3], a[3][3], next[3][3], square = 1;
+    for (int i = 0; i < 9; i++) q[i / 3][i % 3] = (double)last->m[i / 3][i % 3];
+    dgfem_mvci_straighten(q);
+    for (int step = 0; step < 8; step++) {
+        dgfem_mvci_product3((const double(*)[3])q, s, m);
+        double trace = m[0][0] + m[1][1] + m[2][2];
+        for (int i = 0; i < 9; i++)
+            a[i / 3][i % 3] = (i % 4 ? 0 : trace) - (m[i / 3][i % 3] + m[i % 3][i / 3]) / 2;
+        b[0] = m[1][2] - m[2][1], b[1] = m[2][0] - m[0][2], b[2] = m[0][1] - m[1][0];
+        if (!dgfem_mvci_solve3((const double(*)[3])a, b, 1e-3 * size, w)) return 0;
+        if (square < 1e-18) break; /* the turn before was this short: what is left is its square */
+        square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2];
+        if (!(square < 4)) return 0;
+        double h[3], scale = 2 / (1 + square / 4);
+        for (int k = 0; k < 3; k++) h[k] = w[k] / 2;
+        for (int i = 0; i < 9; i++)
+            turn[i / 3][i % 3] = scale * h[i / 3] * h[i % 3] + (i % 4 ? 0 : 1 - scale * (square / 4));
+        turn[0][1] -= scale * h[2], turn[1][0] += scale * h[2];
+        turn[0][2] += scale * h[1], turn[2][0] -= scale * h[1];
+        turn[1][2] -= scale * h[0], turn[2][1] += scale * h[0];
+        dgfem_mvci_product3((const double(*)[3])turn, (const double(*)[3])q, next);
+        memcpy(q, next, sizeof q);
+    }
+    if (!(square < 1e-18)) return 0;
+    for (int i = 0; i < 9; i++) out->m[i / 3][i % 3] = (dgfem_real)q[i / 3][i % 3];
+    return 1;
+}
+
 /* Horn's fit to s = sum of weights times rest (row) times position (column), both about their centres, at rest of trace
    `inertia`; `last` where it is not determined: all in one place, on a line, or inverted like a point reflection. */
 static dgfem_mat3 dgfem_mvci_horn(double s[3][3], double inertia, const dgfem_mat3 *last) {
     double a[4][4], v[4][4], size = inertia * inertia;
     int best = 0, second = 1;
     for (int i = 0; i < 9; i++) size += s[i / 3][i % 3] * s[i / 3][i % 3];
+    dgfem_mat3 near;
+    if (dgfem_mvci_follow((const double(*)[3])s, sqrt(size), last, &near)) return near;
     a[0][0] = s[0][0] + s[1][1] + s[2][2];
     a[0][1] = a[1][0] = s[1][2] - s[2][1];
     a[0][2] = a[2][0] = s[2][0] - s[0][2];
