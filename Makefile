@@ -81,6 +81,11 @@ build/bunny.obj:
 	then mv bunny.$$$$ ../bunny.obj; \
 	else head -n 3 log; echo "make: npm's package \"bunny\" cannot be had: a built-in shape takes its place"; fi
 
+# Its tetrahedra, where TetGen is installed; mvc_bunny has a lattice of its own.
+build/bunny.1.ele: build/bunny.obj
+	@if [ -s $< ] && command -v tetgen > /dev/null; then \
+	awk -f examples/common/off.awk $< $< > build/bunny.off && tetgen -pYq1.6Q build/bunny.off > build/tetgen.log; fi
+
 demo: ## drops a soft bunny down a slope: frames, a summary and a picture in build/demo/
 	@.ci/need --optional npm f3d xvfb xauth
 	@$(MAKE) --no-print-directory build/bunny.obj build/examples/bunny
@@ -90,7 +95,8 @@ demo: ## drops a soft bunny down a slope: frames, a summary and a picture in bui
 
 pictures: $(EXAMPLES) ## renders examples/pictures/*.png from the examples' output
 	@.ci/need npm f3d xvfb xauth
-	@$(MAKE) --no-print-directory build/bunny.obj
+	@.ci/need --optional tetgen
+	@$(MAKE) --no-print-directory build/bunny.obj build/bunny.1.ele
 	@sh examples/pictures.sh all
 
 # ---- tests ----------------------------------------------------------------------------------------------------------
@@ -172,17 +178,24 @@ BENCH_LINK = $(CC) -std=c99 $(POSIX) $(BENCH_FLAGS) $(WARNINGS) $(INCLUDES) -DDG
 build/bench/float.o build/bench/bench_step_float: BENCH_FLAGS += -DDGFEM_REAL=float
 build/bench/bench_step build/bench/bench_step_float: PEERS = $(CHOLMOD) $(EIGEN)
 
-build/bench/double.o build/bench/float.o: dgfem_mvc.h dgfem.h
+build/bench/mvc.o: BENCH_FLAGS += -DDGFEM_IMPLEMENTED
+build/bench/mvc.o: dgfem_mvc.h dgfem.h
+build/bench/double.o build/bench/float.o: dgfem.h
+build/bench/mvc.o build/bench/double.o build/bench/float.o:
 	@mkdir -p $(@D)
-	@$(CC) -std=c99 $(POSIX) $(BENCH_FLAGS) $(WARNINGS) -DDGFEM_IMPLEMENTATION -x c -c -o $@.$$$$ $< && mv $@.$$$$ $@
+	@$(CC) -std=c99 $(POSIX) $(BENCH_FLAGS) $(WARNINGS) -DDGFEM_IMPLEMENTATION -x c -c -o $@.$$$$ $< && \
+	mv $@.$$$$ $@
 
 build/bench/reference.o: bench/reference.c $(wildcard bench/*.h) dgfem.h
 	@mkdir -p $(@D)
 	@$(CC) -std=c99 $(POSIX) -O3 -march=native $(WARNINGS) $(INCLUDES) -c -o $@.$$$$ $< && mv $@.$$$$ $@
 
-build/bench/bench_step: build/bench/double.o build/bench/reference.o
-build/bench/bench_step_float: build/bench/float.o build/bench/reference.o
-build/bench/bench_step build/bench/bench_step_float: bench/bench_step.c build/bench/eigen.o $(COMMON) $(wildcard bench/*.h)
+build/bench/bench_step: bench/bench_step.c build/bench/double.o build/bench/reference.o build/bench/eigen.o
+build/bench/bench_step_float: bench/bench_step.c build/bench/float.o build/bench/reference.o build/bench/eigen.o
+build/bench/bench_size: bench/bench_size.c build/bench/double.o
+build/bench/bench_error: bench/bench_error.c build/bench/double.o build/bench/mvc.o examples/paper/paper.h
+build/bench/bench_step build/bench/bench_step_float build/bench/bench_size build/bench/bench_error: $(COMMON) \
+	$(wildcard bench/*.h)
 	@$(BENCH_LINK)
 
 bench: ## builds and runs the benchmarks
@@ -190,6 +203,8 @@ bench: ## builds and runs the benchmarks
 	@$(MAKE) --no-print-directory build/bunny.obj $(BENCHES)
 	@for program in $(BENCHES); do echo "-- $$program"; \
 	OMP_THREAD_LIMIT=1 OPENBLAS_NUM_THREADS=1 $$program || exit 1; done
+	@if command -v gnuplot > /dev/null; then gnuplot -e "at='build/bench'" bench/plots.gp; \
+	else echo "no plots: gnuplot is not installed"; fi
 
 # ---- the paper's experiments ----------------------------------------------------------------------------------------
 

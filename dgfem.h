@@ -222,16 +222,18 @@
                       solves.
    pcg.c              Preconditioned conjugate gradients; by the inverse diagonal blocks, and for what else is near the
                       matrix.
+   ssor.c             Symmetric Gauss-Seidel sweeps over the blocks as a preconditioner of conjugate gradients: with D
+                      the diagonal blocks of A and L those below, A = D + L + L^T, P = (D + L) D^-1 (D + L)^T.
    locate.c           Which element of a mesh contains a point, or is nearest to it: winding numbers of elements,
                       distances of faces, and buckets of element boxes that keep the search short.
    embed.c            Embedding of points in a body by moving least squares (MLS), eq.
-   embed_points.c     Embedding of points, second part: where each point sits, windows large enough for all, weights;
-                      what an earlier embedding leaves to be kept; evaluation.
+   embed_view.c       Embedding of points, second part: weights.
+   embed_points.c     Embedding of points, third part: where each point sits, windows large enough for all; what an
+                      earlier embedding leaves to be kept; evaluation.
    contact.c          Penalty contact and friction of embedded points against planes and spheres, implicit in the
                       step's velocities.
    warp.c             Stiffness warping: rotations of the elements, and the warped system assembled from the forms.
-   step_solver.c      The linear system of a time step, solved for the velocities by conjugate gradients with an
-                      earlier factorization.
+   step_solver.c      The linear system of a time step, solved for the velocities by conjugate gradients.
    body.c             State of a solid: descriptors, creation, the block system and its solver.
    load.c             What acts on a solid: conditions (held faces and elements, pins, loads), contact shapes and
                       points.
@@ -816,12 +818,13 @@ typedef enum dgfem_penalty {
     DGFEM_PENALTY_SCALAR  /* (lambda + 2 mu) on the whole jump, as the paper; locks for p = 1 */
 } dgfem_penalty;
 
-/* What solves the linear system of a step. A static solve takes PCG where that is chosen, and else Cholesky. */
+/* What solves the linear system of a step. A static solve takes PCG where that or sweeps are chosen, and else Cholesky. */
 typedef enum dgfem_solver {
-    DGFEM_SOLVER_AUTO,
+    DGFEM_SOLVER_AUTO,     /* stale or sweeps, whichever pays: sweeps after a cut and in large soft bodies */
     DGFEM_SOLVER_STALE,    /* conjugate gradients preconditioned by an earlier factorization, turned with the elements */
     DGFEM_SOLVER_CHOLESKY, /* a factorization in every step: exact, and the same from the same state */
-    DGFEM_SOLVER_PCG       /* conjugate gradients preconditioned by the elements' own blocks: least memory */
+    DGFEM_SOLVER_SWEEPS,   /* conjugate gradients preconditioned by symmetric Gauss-Seidel sweeps: little memory */
+    DGFEM_SOLVER_PCG       /* conjugate gradients preconditioned by the elements' own blocks, to a given residual */
 } dgfem_solver;
 
 typedef struct dgfem_body_desc {
@@ -841,10 +844,10 @@ typedef struct dgfem_body_desc {
                                         it brakes rigid turning, and takes moving fixtures to stand still */
     int warp;                        /* 1: stiffness warping (default); 0: linear elasticity */
     dgfem_solver solver;             /* default auto */
-    dgfem_real velocity_tolerance;   /* of auto and stale: error of the velocities relative to their mean, both as roots of mean
+    dgfem_real velocity_tolerance;   /* of auto, stale, sweeps: error of the velocities relative to their mean, both as roots of mean
                                         squares over the mass, or to .01 element radii in a step; default 1e-3 */
     dgfem_real solver_tolerance;     /* of PCG; default 1e-6 (float: 1e-4) */
-    int solver_iterations;           /* of PCG at most; default 1000 */
+    int solver_iterations;           /* of PCG and sweeps at most; default 1000 */
     dgfem_hooks hooks;
 } dgfem_body_desc;
 
@@ -854,7 +857,7 @@ typedef struct dgfem_step_info {
     int sweeps;               /* static solve: solves with new rotations */
     int contacts;             /* contact points that were active */
     int failed_element;       /* whose pivot was not positive, or DGFEM_NONE */
-    dgfem_real residual;      /* of PCG; auto, stale: estimated error, as in velocity_tolerance; static solve: last relative change of the displacement, without warping the
+    dgfem_real residual;      /* of PCG; auto, stale, sweeps: estimated error, as in velocity_tolerance; static solve: last relative change of the displacement, without warping the
                                  relative residual of the linear system */
     double seconds_assemble, seconds_contact, seconds_factor, seconds_solve; /* 0 without a clock */
 } dgfem_step_info;
@@ -894,7 +897,6 @@ typedef struct dgfem_embedding {
     dgfem_vec3 *element_centre;
     int *element_glue;          /* glued faces of each element */
     dgfem_vec3 *element_box;    /* [2 * element_count] lower and upper corners */
-    dgfem_real *element_reach;  /* largest window among the samples that may see through the element */
     int revision;              /* of the body it was made for */
     dgfem_hooks hooks;
 } dgfem_embedding;
@@ -1558,6 +1560,16 @@ static void dgfemi_arena_free(dgfemi_arena *arena) {
         dgfemi_free(arena->hooks, arena->blocks);
         arena->blocks = next;
     }
+}
+
+/* Empties an arena but for its largest block, which serves again. */
+static void dgfemi_arena_reuse(dgfemi_arena *arena) {
+    dgfemi_arena rest = *arena;
+    if (!arena->blocks) return;
+    rest.blocks = arena->blocks->next;
+    dgfemi_arena_free(&rest);
+    arena->blocks->next = NULL;
+    arena->blocks->used = (size_t)(DGFEM_ARENA_ALIGN - (uintptr_t)(arena->blocks + 1) % DGFEM_ARENA_ALIGN);
 }
 
 /* ---- parallel loops and time ---- */
@@ -10373,53 +10385,66 @@ static void DGFEM_PATH(dgfemi_solve_panel_transposed)(const dgfemi_panel *p, dgf
 
 /* ---- products with row-major blocks ---- */
 
-/* y += A x, and with `both` w += A^T z, for `vectors` vectors of columns: the block is read once. */
-DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors, int both,
-                                                      const dgfem_real *x, dgfem_real *y, const dgfem_real *z,
-                                                      dgfem_real *w) {
+/* With `direct` y += A x, with `transposed` w += A^T z, for `vectors` vectors of columns: the block is read once. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors,
+                                                      int direct, int transposed, const dgfem_real *x, dgfem_real *y,
+                                                      const dgfem_real *z, dgfem_real *w) {
     DGFEM_VECTOR in[DGFEM_VECTORS], out[DGFEM_VECTORS];
     int i, v, n, k;
     DGFEM_UNROLL
     for (v = 0; v < vectors; v++) {
-        in[v] = DGFEM_V_LOAD(x + v * DGFEM_V_LANES);
-        out[v] = both ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
+        in[v] = DGFEM_V_LOAD((direct ? x : w) + v * DGFEM_V_LANES);
+        out[v] = transposed ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
     }
     for (i = 0; i < rows; i++, a += stride) {
-        dgfem_real parts[DGFEM_V_LANES];
-        DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(a), in[0]), factor = DGFEM_V_ALL(both ? z[i] : 0);
-        DGFEM_UNROLL
-        for (v = 1; v < vectors; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), in[v], sum);
-        DGFEM_UNROLL
-        for (v = 0; v < vectors; v++)
-            if (both) out[v] = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), factor, out[v]);
-        DGFEM_V_STORE(parts, sum);
-        DGFEM_UNROLL
-        for (n = DGFEM_V_LANES / 2; n > 0; n /= 2)
-            for (k = 0; k < n; k++) parts[k] += parts[k + n];
-        y[i] += parts[0];
+        if (transposed) {
+            DGFEM_VECTOR factor = DGFEM_V_ALL(z[i]);
+            DGFEM_UNROLL
+            for (v = 0; v < vectors; v++) out[v] = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), factor, out[v]);
+        }
+        if (direct) {
+            dgfem_real parts[DGFEM_V_LANES];
+            DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(a), in[0]);
+            DGFEM_UNROLL
+            for (v = 1; v < vectors; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), in[v], sum);
+            DGFEM_V_STORE(parts, sum);
+            DGFEM_UNROLL
+            for (n = DGFEM_V_LANES / 2; n > 0; n /= 2)
+                for (k = 0; k < n; k++) parts[k] += parts[k + n];
+            y[i] += parts[0];
+        }
     }
     DGFEM_UNROLL
     for (v = 0; v < vectors; v++)
-        if (both) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
+        if (transposed) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
 }
 
-/* y += A x and, unless z is NULL, w += A^T z. */
+/* The same for all columns that vectors hold; returns the first column that is left. */
+DGFEM_INLINE int DGFEM_PATH(dgfemi_multiply_all)(const dgfem_real *a, int rows, int columns, int direct, int transposed,
+                                                 const dgfem_real *x, dgfem_real *y, const dgfem_real *z,
+                                                 dgfem_real *w) {
+    const int wide = DGFEM_STRIP;
+    int j = 0;
+    for (; j + wide <= columns; j += wide)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, direct, transposed,
+                                            direct ? x + j : NULL, y, z, transposed ? w + j : NULL);
+    for (; j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, direct, transposed, direct ? x + j : NULL, y, z,
+                                            transposed ? w + j : NULL);
+    return j;
+}
+
+/* y += A x, unless x is NULL, and w += A^T z, unless z is NULL. */
 static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int columns, const dgfem_real *x,
                                               dgfem_real *y, const dgfem_real *z, dgfem_real *w) {
-    const int wide = DGFEM_STRIP;
-    int j = 0, i;
-    for (; z && j + wide <= columns; j += wide)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 1, x + j, y, z, w + j);
-    for (; z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 1, x + j, y, z, w + j);
-    for (; !z && j + wide <= columns; j += wide)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 0, x + j, y, NULL, NULL);
-    for (; !z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 0, x + j, y, NULL, NULL);
+    int j, i;
+    if (x && z) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 1, x, y, z, w);
+    else if (x) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 0, x, y, NULL, NULL);
+    else j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 0, 1, NULL, NULL, z, w);
     for (; j < columns; j++)
         for (i = 0; i < rows; i++) {
             dgfem_real value = a[(size_t)i * (size_t)columns + (size_t)j];
-            y[i] += value * x[j];
+            if (x) y[i] += value * x[j];
             if (z) w[j] += value * z[i];
         }
 }
@@ -10987,53 +11012,66 @@ static void DGFEM_PATH(dgfemi_solve_panel_transposed)(const dgfemi_panel *p, dgf
 
 /* ---- products with row-major blocks ---- */
 
-/* y += A x, and with `both` w += A^T z, for `vectors` vectors of columns: the block is read once. */
-DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors, int both,
-                                                      const dgfem_real *x, dgfem_real *y, const dgfem_real *z,
-                                                      dgfem_real *w) {
+/* With `direct` y += A x, with `transposed` w += A^T z, for `vectors` vectors of columns: the block is read once. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors,
+                                                      int direct, int transposed, const dgfem_real *x, dgfem_real *y,
+                                                      const dgfem_real *z, dgfem_real *w) {
     DGFEM_VECTOR in[DGFEM_VECTORS], out[DGFEM_VECTORS];
     int i, v, n, k;
     DGFEM_UNROLL
     for (v = 0; v < vectors; v++) {
-        in[v] = DGFEM_V_LOAD(x + v * DGFEM_V_LANES);
-        out[v] = both ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
+        in[v] = DGFEM_V_LOAD((direct ? x : w) + v * DGFEM_V_LANES);
+        out[v] = transposed ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
     }
     for (i = 0; i < rows; i++, a += stride) {
-        dgfem_real parts[DGFEM_V_LANES];
-        DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(a), in[0]), factor = DGFEM_V_ALL(both ? z[i] : 0);
-        DGFEM_UNROLL
-        for (v = 1; v < vectors; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), in[v], sum);
-        DGFEM_UNROLL
-        for (v = 0; v < vectors; v++)
-            if (both) out[v] = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), factor, out[v]);
-        DGFEM_V_STORE(parts, sum);
-        DGFEM_UNROLL
-        for (n = DGFEM_V_LANES / 2; n > 0; n /= 2)
-            for (k = 0; k < n; k++) parts[k] += parts[k + n];
-        y[i] += parts[0];
+        if (transposed) {
+            DGFEM_VECTOR factor = DGFEM_V_ALL(z[i]);
+            DGFEM_UNROLL
+            for (v = 0; v < vectors; v++) out[v] = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), factor, out[v]);
+        }
+        if (direct) {
+            dgfem_real parts[DGFEM_V_LANES];
+            DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(a), in[0]);
+            DGFEM_UNROLL
+            for (v = 1; v < vectors; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), in[v], sum);
+            DGFEM_V_STORE(parts, sum);
+            DGFEM_UNROLL
+            for (n = DGFEM_V_LANES / 2; n > 0; n /= 2)
+                for (k = 0; k < n; k++) parts[k] += parts[k + n];
+            y[i] += parts[0];
+        }
     }
     DGFEM_UNROLL
     for (v = 0; v < vectors; v++)
-        if (both) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
+        if (transposed) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
 }
 
-/* y += A x and, unless z is NULL, w += A^T z. */
+/* The same for all columns that vectors hold; returns the first column that is left. */
+DGFEM_INLINE int DGFEM_PATH(dgfemi_multiply_all)(const dgfem_real *a, int rows, int columns, int direct, int transposed,
+                                                 const dgfem_real *x, dgfem_real *y, const dgfem_real *z,
+                                                 dgfem_real *w) {
+    const int wide = DGFEM_STRIP;
+    int j = 0;
+    for (; j + wide <= columns; j += wide)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, direct, transposed,
+                                            direct ? x + j : NULL, y, z, transposed ? w + j : NULL);
+    for (; j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, direct, transposed, direct ? x + j : NULL, y, z,
+                                            transposed ? w + j : NULL);
+    return j;
+}
+
+/* y += A x, unless x is NULL, and w += A^T z, unless z is NULL. */
 static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int columns, const dgfem_real *x,
                                               dgfem_real *y, const dgfem_real *z, dgfem_real *w) {
-    const int wide = DGFEM_STRIP;
-    int j = 0, i;
-    for (; z && j + wide <= columns; j += wide)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 1, x + j, y, z, w + j);
-    for (; z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 1, x + j, y, z, w + j);
-    for (; !z && j + wide <= columns; j += wide)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 0, x + j, y, NULL, NULL);
-    for (; !z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 0, x + j, y, NULL, NULL);
+    int j, i;
+    if (x && z) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 1, x, y, z, w);
+    else if (x) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 0, x, y, NULL, NULL);
+    else j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 0, 1, NULL, NULL, z, w);
     for (; j < columns; j++)
         for (i = 0; i < rows; i++) {
             dgfem_real value = a[(size_t)i * (size_t)columns + (size_t)j];
-            y[i] += value * x[j];
+            if (x) y[i] += value * x[j];
             if (z) w[j] += value * z[i];
         }
 }
@@ -11595,53 +11633,66 @@ static void DGFEM_PATH(dgfemi_solve_panel_transposed)(const dgfemi_panel *p, dgf
 
 /* ---- products with row-major blocks ---- */
 
-/* y += A x, and with `both` w += A^T z, for `vectors` vectors of columns: the block is read once. */
-DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors, int both,
-                                                      const dgfem_real *x, dgfem_real *y, const dgfem_real *z,
-                                                      dgfem_real *w) {
+/* With `direct` y += A x, with `transposed` w += A^T z, for `vectors` vectors of columns: the block is read once. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors,
+                                                      int direct, int transposed, const dgfem_real *x, dgfem_real *y,
+                                                      const dgfem_real *z, dgfem_real *w) {
     DGFEM_VECTOR in[DGFEM_VECTORS], out[DGFEM_VECTORS];
     int i, v, n, k;
     DGFEM_UNROLL
     for (v = 0; v < vectors; v++) {
-        in[v] = DGFEM_V_LOAD(x + v * DGFEM_V_LANES);
-        out[v] = both ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
+        in[v] = DGFEM_V_LOAD((direct ? x : w) + v * DGFEM_V_LANES);
+        out[v] = transposed ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
     }
     for (i = 0; i < rows; i++, a += stride) {
-        dgfem_real parts[DGFEM_V_LANES];
-        DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(a), in[0]), factor = DGFEM_V_ALL(both ? z[i] : 0);
-        DGFEM_UNROLL
-        for (v = 1; v < vectors; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), in[v], sum);
-        DGFEM_UNROLL
-        for (v = 0; v < vectors; v++)
-            if (both) out[v] = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), factor, out[v]);
-        DGFEM_V_STORE(parts, sum);
-        DGFEM_UNROLL
-        for (n = DGFEM_V_LANES / 2; n > 0; n /= 2)
-            for (k = 0; k < n; k++) parts[k] += parts[k + n];
-        y[i] += parts[0];
+        if (transposed) {
+            DGFEM_VECTOR factor = DGFEM_V_ALL(z[i]);
+            DGFEM_UNROLL
+            for (v = 0; v < vectors; v++) out[v] = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), factor, out[v]);
+        }
+        if (direct) {
+            dgfem_real parts[DGFEM_V_LANES];
+            DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(a), in[0]);
+            DGFEM_UNROLL
+            for (v = 1; v < vectors; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), in[v], sum);
+            DGFEM_V_STORE(parts, sum);
+            DGFEM_UNROLL
+            for (n = DGFEM_V_LANES / 2; n > 0; n /= 2)
+                for (k = 0; k < n; k++) parts[k] += parts[k + n];
+            y[i] += parts[0];
+        }
     }
     DGFEM_UNROLL
     for (v = 0; v < vectors; v++)
-        if (both) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
+        if (transposed) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
 }
 
-/* y += A x and, unless z is NULL, w += A^T z. */
+/* The same for all columns that vectors hold; returns the first column that is left. */
+DGFEM_INLINE int DGFEM_PATH(dgfemi_multiply_all)(const dgfem_real *a, int rows, int columns, int direct, int transposed,
+                                                 const dgfem_real *x, dgfem_real *y, const dgfem_real *z,
+                                                 dgfem_real *w) {
+    const int wide = DGFEM_STRIP;
+    int j = 0;
+    for (; j + wide <= columns; j += wide)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, direct, transposed,
+                                            direct ? x + j : NULL, y, z, transposed ? w + j : NULL);
+    for (; j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, direct, transposed, direct ? x + j : NULL, y, z,
+                                            transposed ? w + j : NULL);
+    return j;
+}
+
+/* y += A x, unless x is NULL, and w += A^T z, unless z is NULL. */
 static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int columns, const dgfem_real *x,
                                               dgfem_real *y, const dgfem_real *z, dgfem_real *w) {
-    const int wide = DGFEM_STRIP;
-    int j = 0, i;
-    for (; z && j + wide <= columns; j += wide)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 1, x + j, y, z, w + j);
-    for (; z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 1, x + j, y, z, w + j);
-    for (; !z && j + wide <= columns; j += wide)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 0, x + j, y, NULL, NULL);
-    for (; !z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 0, x + j, y, NULL, NULL);
+    int j, i;
+    if (x && z) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 1, x, y, z, w);
+    else if (x) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 0, x, y, NULL, NULL);
+    else j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 0, 1, NULL, NULL, z, w);
     for (; j < columns; j++)
         for (i = 0; i < rows; i++) {
             dgfem_real value = a[(size_t)i * (size_t)columns + (size_t)j];
-            y[i] += value * x[j];
+            if (x) y[i] += value * x[j];
             if (z) w[j] += value * z[i];
         }
 }
@@ -12209,53 +12260,66 @@ static void DGFEM_PATH(dgfemi_solve_panel_transposed)(const dgfemi_panel *p, dgf
 
 /* ---- products with row-major blocks ---- */
 
-/* y += A x, and with `both` w += A^T z, for `vectors` vectors of columns: the block is read once. */
-DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors, int both,
-                                                      const dgfem_real *x, dgfem_real *y, const dgfem_real *z,
-                                                      dgfem_real *w) {
+/* With `direct` y += A x, with `transposed` w += A^T z, for `vectors` vectors of columns: the block is read once. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors,
+                                                      int direct, int transposed, const dgfem_real *x, dgfem_real *y,
+                                                      const dgfem_real *z, dgfem_real *w) {
     DGFEM_VECTOR in[DGFEM_VECTORS], out[DGFEM_VECTORS];
     int i, v, n, k;
     DGFEM_UNROLL
     for (v = 0; v < vectors; v++) {
-        in[v] = DGFEM_V_LOAD(x + v * DGFEM_V_LANES);
-        out[v] = both ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
+        in[v] = DGFEM_V_LOAD((direct ? x : w) + v * DGFEM_V_LANES);
+        out[v] = transposed ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
     }
     for (i = 0; i < rows; i++, a += stride) {
-        dgfem_real parts[DGFEM_V_LANES];
-        DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(a), in[0]), factor = DGFEM_V_ALL(both ? z[i] : 0);
-        DGFEM_UNROLL
-        for (v = 1; v < vectors; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), in[v], sum);
-        DGFEM_UNROLL
-        for (v = 0; v < vectors; v++)
-            if (both) out[v] = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), factor, out[v]);
-        DGFEM_V_STORE(parts, sum);
-        DGFEM_UNROLL
-        for (n = DGFEM_V_LANES / 2; n > 0; n /= 2)
-            for (k = 0; k < n; k++) parts[k] += parts[k + n];
-        y[i] += parts[0];
+        if (transposed) {
+            DGFEM_VECTOR factor = DGFEM_V_ALL(z[i]);
+            DGFEM_UNROLL
+            for (v = 0; v < vectors; v++) out[v] = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), factor, out[v]);
+        }
+        if (direct) {
+            dgfem_real parts[DGFEM_V_LANES];
+            DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(a), in[0]);
+            DGFEM_UNROLL
+            for (v = 1; v < vectors; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), in[v], sum);
+            DGFEM_V_STORE(parts, sum);
+            DGFEM_UNROLL
+            for (n = DGFEM_V_LANES / 2; n > 0; n /= 2)
+                for (k = 0; k < n; k++) parts[k] += parts[k + n];
+            y[i] += parts[0];
+        }
     }
     DGFEM_UNROLL
     for (v = 0; v < vectors; v++)
-        if (both) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
+        if (transposed) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
 }
 
-/* y += A x and, unless z is NULL, w += A^T z. */
+/* The same for all columns that vectors hold; returns the first column that is left. */
+DGFEM_INLINE int DGFEM_PATH(dgfemi_multiply_all)(const dgfem_real *a, int rows, int columns, int direct, int transposed,
+                                                 const dgfem_real *x, dgfem_real *y, const dgfem_real *z,
+                                                 dgfem_real *w) {
+    const int wide = DGFEM_STRIP;
+    int j = 0;
+    for (; j + wide <= columns; j += wide)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, direct, transposed,
+                                            direct ? x + j : NULL, y, z, transposed ? w + j : NULL);
+    for (; j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, direct, transposed, direct ? x + j : NULL, y, z,
+                                            transposed ? w + j : NULL);
+    return j;
+}
+
+/* y += A x, unless x is NULL, and w += A^T z, unless z is NULL. */
 static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int columns, const dgfem_real *x,
                                               dgfem_real *y, const dgfem_real *z, dgfem_real *w) {
-    const int wide = DGFEM_STRIP;
-    int j = 0, i;
-    for (; z && j + wide <= columns; j += wide)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 1, x + j, y, z, w + j);
-    for (; z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 1, x + j, y, z, w + j);
-    for (; !z && j + wide <= columns; j += wide)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 0, x + j, y, NULL, NULL);
-    for (; !z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 0, x + j, y, NULL, NULL);
+    int j, i;
+    if (x && z) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 1, x, y, z, w);
+    else if (x) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 0, x, y, NULL, NULL);
+    else j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 0, 1, NULL, NULL, z, w);
     for (; j < columns; j++)
         for (i = 0; i < rows; i++) {
             dgfem_real value = a[(size_t)i * (size_t)columns + (size_t)j];
-            y[i] += value * x[j];
+            if (x) y[i] += value * x[j];
             if (z) w[j] += value * z[i];
         }
 }
@@ -12825,53 +12889,66 @@ static void DGFEM_PATH(dgfemi_solve_panel_transposed)(const dgfemi_panel *p, dgf
 
 /* ---- products with row-major blocks ---- */
 
-/* y += A x, and with `both` w += A^T z, for `vectors` vectors of columns: the block is read once. */
-DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors, int both,
-                                                      const dgfem_real *x, dgfem_real *y, const dgfem_real *z,
-                                                      dgfem_real *w) {
+/* With `direct` y += A x, with `transposed` w += A^T z, for `vectors` vectors of columns: the block is read once. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors,
+                                                      int direct, int transposed, const dgfem_real *x, dgfem_real *y,
+                                                      const dgfem_real *z, dgfem_real *w) {
     DGFEM_VECTOR in[DGFEM_VECTORS], out[DGFEM_VECTORS];
     int i, v, n, k;
     DGFEM_UNROLL
     for (v = 0; v < vectors; v++) {
-        in[v] = DGFEM_V_LOAD(x + v * DGFEM_V_LANES);
-        out[v] = both ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
+        in[v] = DGFEM_V_LOAD((direct ? x : w) + v * DGFEM_V_LANES);
+        out[v] = transposed ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
     }
     for (i = 0; i < rows; i++, a += stride) {
-        dgfem_real parts[DGFEM_V_LANES];
-        DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(a), in[0]), factor = DGFEM_V_ALL(both ? z[i] : 0);
-        DGFEM_UNROLL
-        for (v = 1; v < vectors; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), in[v], sum);
-        DGFEM_UNROLL
-        for (v = 0; v < vectors; v++)
-            if (both) out[v] = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), factor, out[v]);
-        DGFEM_V_STORE(parts, sum);
-        DGFEM_UNROLL
-        for (n = DGFEM_V_LANES / 2; n > 0; n /= 2)
-            for (k = 0; k < n; k++) parts[k] += parts[k + n];
-        y[i] += parts[0];
+        if (transposed) {
+            DGFEM_VECTOR factor = DGFEM_V_ALL(z[i]);
+            DGFEM_UNROLL
+            for (v = 0; v < vectors; v++) out[v] = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), factor, out[v]);
+        }
+        if (direct) {
+            dgfem_real parts[DGFEM_V_LANES];
+            DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(a), in[0]);
+            DGFEM_UNROLL
+            for (v = 1; v < vectors; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), in[v], sum);
+            DGFEM_V_STORE(parts, sum);
+            DGFEM_UNROLL
+            for (n = DGFEM_V_LANES / 2; n > 0; n /= 2)
+                for (k = 0; k < n; k++) parts[k] += parts[k + n];
+            y[i] += parts[0];
+        }
     }
     DGFEM_UNROLL
     for (v = 0; v < vectors; v++)
-        if (both) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
+        if (transposed) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
 }
 
-/* y += A x and, unless z is NULL, w += A^T z. */
+/* The same for all columns that vectors hold; returns the first column that is left. */
+DGFEM_INLINE int DGFEM_PATH(dgfemi_multiply_all)(const dgfem_real *a, int rows, int columns, int direct, int transposed,
+                                                 const dgfem_real *x, dgfem_real *y, const dgfem_real *z,
+                                                 dgfem_real *w) {
+    const int wide = DGFEM_STRIP;
+    int j = 0;
+    for (; j + wide <= columns; j += wide)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, direct, transposed,
+                                            direct ? x + j : NULL, y, z, transposed ? w + j : NULL);
+    for (; j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, direct, transposed, direct ? x + j : NULL, y, z,
+                                            transposed ? w + j : NULL);
+    return j;
+}
+
+/* y += A x, unless x is NULL, and w += A^T z, unless z is NULL. */
 static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int columns, const dgfem_real *x,
                                               dgfem_real *y, const dgfem_real *z, dgfem_real *w) {
-    const int wide = DGFEM_STRIP;
-    int j = 0, i;
-    for (; z && j + wide <= columns; j += wide)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 1, x + j, y, z, w + j);
-    for (; z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 1, x + j, y, z, w + j);
-    for (; !z && j + wide <= columns; j += wide)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 0, x + j, y, NULL, NULL);
-    for (; !z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 0, x + j, y, NULL, NULL);
+    int j, i;
+    if (x && z) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 1, x, y, z, w);
+    else if (x) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 0, x, y, NULL, NULL);
+    else j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 0, 1, NULL, NULL, z, w);
     for (; j < columns; j++)
         for (i = 0; i < rows; i++) {
             dgfem_real value = a[(size_t)i * (size_t)columns + (size_t)j];
-            y[i] += value * x[j];
+            if (x) y[i] += value * x[j];
             if (z) w[j] += value * z[i];
         }
 }
@@ -13433,53 +13510,66 @@ static void DGFEM_PATH(dgfemi_solve_panel_transposed)(const dgfemi_panel *p, dgf
 
 /* ---- products with row-major blocks ---- */
 
-/* y += A x, and with `both` w += A^T z, for `vectors` vectors of columns: the block is read once. */
-DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors, int both,
-                                                      const dgfem_real *x, dgfem_real *y, const dgfem_real *z,
-                                                      dgfem_real *w) {
+/* With `direct` y += A x, with `transposed` w += A^T z, for `vectors` vectors of columns: the block is read once. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors,
+                                                      int direct, int transposed, const dgfem_real *x, dgfem_real *y,
+                                                      const dgfem_real *z, dgfem_real *w) {
     DGFEM_VECTOR in[DGFEM_VECTORS], out[DGFEM_VECTORS];
     int i, v, n, k;
     DGFEM_UNROLL
     for (v = 0; v < vectors; v++) {
-        in[v] = DGFEM_V_LOAD(x + v * DGFEM_V_LANES);
-        out[v] = both ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
+        in[v] = DGFEM_V_LOAD((direct ? x : w) + v * DGFEM_V_LANES);
+        out[v] = transposed ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
     }
     for (i = 0; i < rows; i++, a += stride) {
-        dgfem_real parts[DGFEM_V_LANES];
-        DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(a), in[0]), factor = DGFEM_V_ALL(both ? z[i] : 0);
-        DGFEM_UNROLL
-        for (v = 1; v < vectors; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), in[v], sum);
-        DGFEM_UNROLL
-        for (v = 0; v < vectors; v++)
-            if (both) out[v] = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), factor, out[v]);
-        DGFEM_V_STORE(parts, sum);
-        DGFEM_UNROLL
-        for (n = DGFEM_V_LANES / 2; n > 0; n /= 2)
-            for (k = 0; k < n; k++) parts[k] += parts[k + n];
-        y[i] += parts[0];
+        if (transposed) {
+            DGFEM_VECTOR factor = DGFEM_V_ALL(z[i]);
+            DGFEM_UNROLL
+            for (v = 0; v < vectors; v++) out[v] = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), factor, out[v]);
+        }
+        if (direct) {
+            dgfem_real parts[DGFEM_V_LANES];
+            DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(a), in[0]);
+            DGFEM_UNROLL
+            for (v = 1; v < vectors; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), in[v], sum);
+            DGFEM_V_STORE(parts, sum);
+            DGFEM_UNROLL
+            for (n = DGFEM_V_LANES / 2; n > 0; n /= 2)
+                for (k = 0; k < n; k++) parts[k] += parts[k + n];
+            y[i] += parts[0];
+        }
     }
     DGFEM_UNROLL
     for (v = 0; v < vectors; v++)
-        if (both) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
+        if (transposed) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
 }
 
-/* y += A x and, unless z is NULL, w += A^T z. */
+/* The same for all columns that vectors hold; returns the first column that is left. */
+DGFEM_INLINE int DGFEM_PATH(dgfemi_multiply_all)(const dgfem_real *a, int rows, int columns, int direct, int transposed,
+                                                 const dgfem_real *x, dgfem_real *y, const dgfem_real *z,
+                                                 dgfem_real *w) {
+    const int wide = DGFEM_STRIP;
+    int j = 0;
+    for (; j + wide <= columns; j += wide)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, direct, transposed,
+                                            direct ? x + j : NULL, y, z, transposed ? w + j : NULL);
+    for (; j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, direct, transposed, direct ? x + j : NULL, y, z,
+                                            transposed ? w + j : NULL);
+    return j;
+}
+
+/* y += A x, unless x is NULL, and w += A^T z, unless z is NULL. */
 static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int columns, const dgfem_real *x,
                                               dgfem_real *y, const dgfem_real *z, dgfem_real *w) {
-    const int wide = DGFEM_STRIP;
-    int j = 0, i;
-    for (; z && j + wide <= columns; j += wide)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 1, x + j, y, z, w + j);
-    for (; z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 1, x + j, y, z, w + j);
-    for (; !z && j + wide <= columns; j += wide)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 0, x + j, y, NULL, NULL);
-    for (; !z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 0, x + j, y, NULL, NULL);
+    int j, i;
+    if (x && z) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 1, x, y, z, w);
+    else if (x) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 0, x, y, NULL, NULL);
+    else j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 0, 1, NULL, NULL, z, w);
     for (; j < columns; j++)
         for (i = 0; i < rows; i++) {
             dgfem_real value = a[(size_t)i * (size_t)columns + (size_t)j];
-            y[i] += value * x[j];
+            if (x) y[i] += value * x[j];
             if (z) w[j] += value * z[i];
         }
 }
@@ -13871,7 +13961,7 @@ static void dgfemi_block_multiply_transposed(const dgfem_real *a, int rows, int 
 /* The kernels that multiply large blocks faster than what the compiler makes of the functions above: where four reals
    make a vector, three of them a row of 12. NULL where there are none. */
 static const dgfemi_kernels *dgfemi_product_kernels(void) {
-    return DGFEM_REAL_IS_FLOAT ? NULL : dgfemi_kernels_for(DGFEM_SIMD_AVX2);
+    return dgfemi_kernels_for(DGFEM_REAL_IS_FLOAT ? DGFEM_SIMD_SSE2 : DGFEM_SIMD_AVX2);
 }
 
 /* Every part of y receives its products in ascending order of the block that they come from: first its own row, then,
@@ -16133,6 +16223,101 @@ DGFEM_API dgfem_status dgfem_pcg(const dgfem_matrix *matrix, const dgfem_pcg_des
     return DGFEM_OK;
 }
 
+/* ==== ssor.c ====================================================================================================== */
+
+/* Symmetric Gauss-Seidel sweeps over the blocks as a preconditioner of conjugate gradients: with D the diagonal blocks
+   of A and L those below,
+
+       A = D + L + L^T,   P = (D + L) D^-1 (D + L)^T.
+
+   By the trick of Eisenstat (1981) the iteration runs in the variables of (D + L)^T x, where the matrix is
+
+       (D + L)^-1 A (D + L)^-T p = t + (D + L)^-1 (p - D t),   t = (D + L)^-T p,
+
+   and P is D^-1. So an iteration costs the two sweeps, which are a product with A in disguise, and no product besides. */
+
+enum { DGFEM_MAX_BLOCK = 3 * DGFEM_MAX_BASIS }; /* unknowns of an element */
+
+typedef struct dgfemi_ssor {
+    const dgfem_matrix *matrix;
+    const dgfemi_kernels *kernels; /* or NULL */
+    dgfem_real *inverse;           /* of the diagonal blocks */
+} dgfemi_ssor;
+
+/* Reals that `inverse` needs. */
+static size_t dgfemi_diagonal_size(const dgfem_matrix *matrix) {
+    size_t total = 0;
+    for (int r = 0; r < matrix->block_count; r++) {
+        size_t n = (size_t)dgfemi_block_size(matrix, r);
+        total += n * n;
+    }
+    return total;
+}
+
+/* y += A x */
+static void dgfemi_add_product_of(const dgfemi_ssor *s, const dgfem_real *block, int rows, int columns,
+                                  const dgfem_real *x, dgfem_real *y) {
+    if (s->kernels && columns >= 12) s->kernels->multiply_block(block, rows, columns, x, y, NULL, NULL);
+    else dgfemi_block_multiply(block, rows, columns, x, y);
+}
+
+/* y += A^T x */
+static void dgfemi_add_transposed_product(const dgfemi_ssor *s, const dgfem_real *block, int rows, int columns,
+                                          const dgfem_real *x, dgfem_real *y) {
+    if (s->kernels && columns >= 12) s->kernels->multiply_block(block, rows, columns, NULL, NULL, x, y);
+    else dgfemi_block_multiply_transposed(block, rows, columns, x, y);
+}
+
+/* x = (D + L)^-1 x. The diagonal blocks and their inverses are symmetric: transposed products are faster. */
+static void dgfemi_ssor_forward(const dgfemi_ssor *s, dgfem_real *x) {
+    const dgfem_matrix *matrix = s->matrix;
+    const dgfem_real *inverse = s->inverse;
+    dgfem_real sum[DGFEM_MAX_BLOCK];
+    for (int r = 0; r < matrix->block_count; r++) {
+        int n = dgfemi_block_size(matrix, r);
+        dgfem_real *own = x + matrix->offset[r];
+        memset(sum, 0, (size_t)n * sizeof *sum);
+        for (int k = matrix->row_start[r]; k < dgfemi_diagonal_index(matrix, r); k++)
+            dgfemi_add_product_of(s, matrix->values + matrix->value_start[k], n,
+                                  dgfemi_block_size(matrix, matrix->column[k]), x + matrix->offset[matrix->column[k]],
+                                  sum);
+        for (int i = 0; i < n; i++) sum[i] = own[i] - sum[i];
+        memset(own, 0, (size_t)n * sizeof *own);
+        dgfemi_add_transposed_product(s, inverse, n, n, sum, own);
+        inverse += (size_t)n * (size_t)n;
+    }
+}
+
+/* t = (D + L)^-T p, rest = p - D t = L^T t */
+static void dgfemi_ssor_backward(const dgfemi_ssor *s, const dgfem_real *p, dgfem_real *t, dgfem_real *rest) {
+    const dgfem_matrix *matrix = s->matrix;
+    const dgfem_real *inverse = s->inverse + dgfemi_diagonal_size(matrix);
+    dgfem_real difference[DGFEM_MAX_BLOCK];
+    memset(t, 0, (size_t)matrix->size * sizeof *t);
+    memset(rest, 0, (size_t)matrix->size * sizeof *rest);
+    for (int r = matrix->block_count - 1; r >= 0; r--) {
+        int n = dgfemi_block_size(matrix, r), first = matrix->offset[r];
+        inverse -= (size_t)n * (size_t)n;
+        for (int i = 0; i < n; i++) difference[i] = p[first + i] - rest[first + i];
+        dgfemi_add_transposed_product(s, inverse, n, n, difference, t + first);
+        for (int k = matrix->row_start[r]; k < dgfemi_diagonal_index(matrix, r); k++)
+            dgfemi_add_transposed_product(s, matrix->values + matrix->value_start[k], n,
+                                          dgfemi_block_size(matrix, matrix->column[k]), t + first,
+                                          rest + matrix->offset[matrix->column[k]]);
+    }
+}
+
+/* z = D r */
+static void dgfemi_ssor_diagonal(const dgfemi_ssor *s, const dgfem_real *r, dgfem_real *z) {
+    const dgfem_matrix *matrix = s->matrix;
+    memset(z, 0, (size_t)matrix->size * sizeof *z);
+    for (int k = 0; k < matrix->block_count; k++) {
+        int n = dgfemi_block_size(matrix, k), first = matrix->offset[k];
+        dgfemi_add_transposed_product(s, matrix->values + matrix->value_start[dgfemi_diagonal_index(matrix, k)], n, n,
+                                      r + first, z + first);
+    }
+}
+
 /* ==== locate.c ==================================================================================================== */
 
 /* Which element of a mesh contains a point, or is nearest to it: winding numbers of elements, distances of faces, and
@@ -16183,16 +16368,30 @@ static void dgfemi_locator_resolution(dgfemi_locator *locator, dgfem_vec3 extent
     for (int axis = 0; axis < 3; axis++) locator->size[axis] = (int)(dgfemi_axis(extent, axis) / locator->cell) + 1;
 }
 
+static int dgfemi_locator_bucket_count(const dgfemi_locator *locator) {
+    return locator->size[0] * locator->size[1] * locator->size[2];
+}
+
+/* The buckets that a box meets: first <= i, j, k <= last. What lies outside of them all belongs to the outermost ones. */
+typedef struct dgfemi_locator_range {
+    int first[3], last[3];
+} dgfemi_locator_range;
+
+static dgfemi_locator_range dgfemi_locator_range_of(const dgfemi_locator *locator, dgfem_vec3 lower, dgfem_vec3 upper) {
+    dgfemi_locator_range range;
+    for (int axis = 0; axis < 3; axis++) {
+        range.first[axis] = dgfemi_locator_coordinate(locator, lower, axis);
+        range.last[axis] = dgfemi_locator_coordinate(locator, upper, axis);
+    }
+    return range;
+}
+
 /* For each bucket that the box of an element meets: counts the element (elements NULL) or enters it. */
 static void dgfemi_locator_enter(const dgfemi_locator *locator, int element, int *counts, int *elements) {
-    int first[3], last[3];
-    for (int axis = 0; axis < 3; axis++) {
-        first[axis] = dgfemi_locator_coordinate(locator, locator->lower[element], axis);
-        last[axis] = dgfemi_locator_coordinate(locator, locator->upper[element], axis);
-    }
-    for (int k = first[2]; k <= last[2]; k++)
-        for (int j = first[1]; j <= last[1]; j++)
-            for (int i = first[0]; i <= last[0]; i++) {
+    dgfemi_locator_range range = dgfemi_locator_range_of(locator, locator->lower[element], locator->upper[element]);
+    for (int k = range.first[2]; k <= range.last[2]; k++)
+        for (int j = range.first[1]; j <= range.last[1]; j++)
+            for (int i = range.first[0]; i <= range.last[0]; i++) {
                 int bucket = dgfemi_locator_bucket(locator, i, j, k);
                 if (elements) elements[counts[bucket]] = element;
                 counts[bucket]++;
@@ -16219,7 +16418,7 @@ static int dgfemi_locator_make(dgfemi_arena *arena, const dgfem_mesh *mesh, dgfe
         upper = dgfemi_max3(upper, locator->upper[e]);
     }
     dgfemi_locator_resolution(locator, dgfemi_sub(upper, locator->origin));
-    buckets = locator->size[0] * locator->size[1] * locator->size[2];
+    buckets = dgfemi_locator_bucket_count(locator);
     locator->bucket_start = (int *)dgfemi_arena_allocate_zero(arena, (size_t)buckets + 1, sizeof(int));
     fill = (int *)dgfemi_arena_allocate_zero(arena, (size_t)buckets, sizeof(int));
     if (!locator->bucket_start || !fill) return 0;
@@ -16376,10 +16575,16 @@ static int dgfemi_face_is_farther(const dgfem_face *face, dgfem_vec3 x, dgfem_re
 
 /* Squared distance from a box. */
 static dgfem_real dgfemi_box_square(dgfem_vec3 lower, dgfem_vec3 upper, dgfem_vec3 x) {
-    dgfem_real dx = x.x < lower.x ? lower.x - x.x : x.x > upper.x ? x.x - upper.x : 0;
-    dgfem_real dy = x.y < lower.y ? lower.y - x.y : x.y > upper.y ? x.y - upper.y : 0;
-    dgfem_real dz = x.z < lower.z ? lower.z - x.z : x.z > upper.z ? x.z - upper.z : 0;
+    dgfem_real dx = dgfemi_max(dgfemi_max(lower.x - x.x, x.x - upper.x), 0);
+    dgfem_real dy = dgfemi_max(dgfemi_max(lower.y - x.y, x.y - upper.y), 0);
+    dgfem_real dz = dgfemi_max(dgfemi_max(lower.z - x.z, x.z - upper.z), 0);
     return dx * dx + dy * dy + dz * dz;
+}
+
+/* Squared distance between two boxes. */
+static dgfem_real dgfemi_boxes_square(dgfem_vec3 lower, dgfem_vec3 upper, dgfem_vec3 other_lower,
+                                      dgfem_vec3 other_upper) {
+    return dgfemi_box_square(lower, upper, dgfemi_min3(dgfemi_max3(lower, other_lower), other_upper));
 }
 
 static dgfem_real dgfemi_box_distance(dgfem_vec3 lower, dgfem_vec3 upper, dgfem_vec3 x) {
@@ -16504,7 +16709,9 @@ static dgfemi_location dgfemi_locate_in(const dgfem_mesh *mesh, int element, dgf
 
 /* ---- samples: element centres and thinned corners ---- */
 
-#define DGFEM_THINNING DGFEM_R(0.3) /* of the mean radius: a corner that near to a kept sample of its elements may go */
+static int dgfemi_same_position(dgfem_vec3 a, dgfem_vec3 b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
+
+#define DGFEM_THINNING DGFEM_R(0.5) /* of the mean radius: a corner that near to a kept sample of its elements may go */
 #define DGFEM_MIN_ELEMENT_SAMPLES 5 /* each element keeps at least so many samples, its centre included */
 #define DGFEM_SPREAD DGFEM_R(0.05)  /* and at least this part of the smallest principal moment of all its corners */
 
@@ -16696,36 +16903,24 @@ static int dgfemi_embedding_choose_samples(dgfemi_arena *arena, dgfem_embedding 
     return dgfemi_embedding_set_samples(embedding, body, positions, start, elements, count);
 }
 
-/* ---- reach: how far samples see, and through which elements ---- */
+/* ---- sampling: which samples an element has, and how far they see ---- */
 
 #define DGFEM_WINDOW DGFEM_R(2.309401076758503) /* R_k / mean radius: two edges of a cube */
-#define DGFEM_ENLARGE DGFEM_R(1.25)
-#define DGFEM_MIN_POINT_SAMPLES 8
-#define DGFEM_MAX_CONDITION DGFEM_R(1e4) /* of C; a larger one enlarges the windows */
-#define DGFEM_CONDITION_ROUNDS 4         /* but only so often: a thin plate has no better one to offer */
-#define DGFEM_MAX_ROUNDS 64
-#define DGFEM_OUTSIDE DGFEM_R(0.5) /* of the radius: windows are not evaluated farther outside an element */
 
 typedef struct dgfemi_sampling {
     const dgfem_mesh *mesh;
     const dgfem_embedding *embedding; /* its samples and terms are set */
     const dgfemi_locator *locator;
-    int *element_start, *element_sample; /* samples of each element, ascending */
+    int *element_start, *element_sample; /* samples of each element that it is the first one of, ascending */
     int *neighbour_start, *neighbour;    /* glued neighbours of each element */
     dgfem_real *radius;                  /* [samples] R_k */
-    dgfem_real *reach;                   /* [elements] largest R_k of the samples that may see through the element */
+    dgfem_real *widest;                  /* [buckets of the locator] the largest R_k of windows that may touch it */
     int *component;                      /* [elements] glued component */
     int *component_samples;              /* [components] number of samples */
-    int *mark, stamp;                    /* [elements] flood that met the element last */
-    int *stack;                          /* [elements] */
 } dgfemi_sampling;
 
-/* Squared distance from the element's box. */
-static dgfem_real dgfemi_sampling_square(const dgfemi_sampling *sampling, int element, dgfem_vec3 x) {
-    return dgfemi_box_square(sampling->locator->lower[element], sampling->locator->upper[element], x);
-}
-
-static void dgfemi_sampling_components(dgfemi_sampling *sampling) {
+/* stack: room for all elements. */
+static void dgfemi_sampling_components(dgfemi_sampling *sampling, int *stack) {
     const dgfem_mesh *mesh = sampling->mesh;
     int components = 0;
     for (int e = 0; e < mesh->element_count; e++) sampling->component[e] = DGFEM_NONE;
@@ -16733,14 +16928,14 @@ static void dgfemi_sampling_components(dgfemi_sampling *sampling) {
         int depth = 0;
         if (sampling->component[seed] != DGFEM_NONE) continue;
         sampling->component[seed] = components;
-        sampling->stack[depth++] = seed;
+        stack[depth++] = seed;
         while (depth > 0) {
-            int e = sampling->stack[--depth];
+            int e = stack[--depth];
             for (int k = sampling->neighbour_start[e]; k < sampling->neighbour_start[e + 1]; k++) {
                 int neighbour = sampling->neighbour[k];
                 if (sampling->component[neighbour] != DGFEM_NONE) continue;
                 sampling->component[neighbour] = components;
-                sampling->stack[depth++] = neighbour;
+                stack[depth++] = neighbour;
             }
         }
         components++;
@@ -16752,11 +16947,11 @@ static void dgfemi_sampling_components(dgfemi_sampling *sampling) {
     }
 }
 
-/* Lists the samples of each element from the elements of each sample; `fill` is zero. */
-static void dgfemi_sampling_incidence(dgfemi_sampling *sampling, int *fill) {
+/* Lists the samples by their first elements; `fill` is zero. */
+static void dgfemi_sampling_list(dgfemi_sampling *sampling, int *fill) {
     const dgfem_embedding *embedding = sampling->embedding;
     int total = 0;
-    for (int t = 0; t < embedding->term_start[embedding->sample_count]; t++) fill[embedding->term_element[t]]++;
+    for (int s = 0; s < embedding->sample_count; s++) fill[embedding->term_element[embedding->term_start[s]]]++;
     for (int e = 0; e < sampling->mesh->element_count; e++) {
         int count = fill[e];
         sampling->element_start[e] = fill[e] = total;
@@ -16764,8 +16959,7 @@ static void dgfemi_sampling_incidence(dgfemi_sampling *sampling, int *fill) {
     }
     sampling->element_start[sampling->mesh->element_count] = total;
     for (int s = 0; s < embedding->sample_count; s++)
-        for (int t = embedding->term_start[s]; t < embedding->term_start[s + 1]; t++)
-            sampling->element_sample[fill[embedding->term_element[t]]++] = s;
+        sampling->element_sample[fill[embedding->term_element[embedding->term_start[s]]]++] = s;
 }
 
 /* Lists the glued neighbours of each element: none at the boundary and behind a cut. `fill` is zero. */
@@ -16788,58 +16982,57 @@ static void dgfemi_sampling_neighbours(dgfemi_sampling *sampling, int *fill) {
     sampling->neighbour_start[mesh->element_count] = total;
 }
 
-/* Marks with a sample's radius every element that the sample may see through: connected to it within that radius. */
-static void dgfemi_sampling_flood(dgfemi_sampling *sampling, int sample) {
-    const dgfem_embedding *embedding = sampling->embedding;
-    dgfem_real radius = sampling->radius[sample];
-    dgfem_vec3 x = embedding->samples[sample];
-    int depth = 0;
-    sampling->stamp++;
-    for (int t = embedding->term_start[sample]; t < embedding->term_start[sample + 1]; t++) {
-        sampling->mark[embedding->term_element[t]] = sampling->stamp;
-        sampling->stack[depth++] = embedding->term_element[t];
-    }
-    while (depth > 0) {
-        int e = sampling->stack[--depth];
-        sampling->reach[e] = dgfemi_max(sampling->reach[e], radius);
-        for (int k = sampling->neighbour_start[e]; k < sampling->neighbour_start[e + 1]; k++) {
-            int neighbour = sampling->neighbour[k];
-            if (sampling->mark[neighbour] == sampling->stamp) continue;
-            sampling->mark[neighbour] = sampling->stamp;
-            if (dgfemi_sampling_square(sampling, neighbour, x) < radius * radius) sampling->stack[depth++] = neighbour;
-        }
+/* Fills `widest`, when the windows are known. */
+static void dgfemi_sampling_spread(dgfemi_sampling *sampling) {
+    const dgfemi_locator *locator = sampling->locator;
+    for (int b = 0; b < dgfemi_locator_bucket_count(locator); b++) sampling->widest[b] = 0;
+    for (int s = 0; s < sampling->embedding->sample_count; s++) {
+        dgfem_real radius = sampling->radius[s];
+        dgfem_vec3 x = sampling->embedding->samples[s], r = dgfemi_vec3(radius, radius, radius);
+        dgfemi_locator_range range = dgfemi_locator_range_of(locator, dgfemi_sub(x, r), dgfemi_add(x, r));
+        for (int k = range.first[2]; k <= range.last[2]; k++)
+            for (int j = range.first[1]; j <= range.last[1]; j++) {
+                dgfem_real *row = sampling->widest + dgfemi_locator_bucket(locator, 0, j, k);
+                for (int i = range.first[0]; i <= range.last[0]; i++) row[i] = dgfemi_max(row[i], radius);
+            }
     }
 }
 
-static void dgfemi_sampling_update_reach(dgfemi_sampling *sampling) {
-    for (int e = 0; e < sampling->mesh->element_count; e++) sampling->reach[e] = 0;
-    for (int s = 0; s < sampling->embedding->sample_count; s++) dgfemi_sampling_flood(sampling, s);
+/* No window that touches the box has a larger radius. */
+static dgfem_real dgfemi_sampling_reach(const dgfemi_sampling *sampling, dgfem_vec3 lower, dgfem_vec3 upper) {
+    const dgfemi_locator *locator = sampling->locator;
+    dgfemi_locator_range range = dgfemi_locator_range_of(locator, lower, upper);
+    dgfem_real reach = 0;
+    for (int k = range.first[2]; k <= range.last[2]; k++)
+        for (int j = range.first[1]; j <= range.last[1]; j++)
+            for (int i = range.first[0]; i <= range.last[0]; i++)
+                reach = dgfemi_max(reach, sampling->widest[dgfemi_locator_bucket(locator, i, j, k)]);
+    return reach;
 }
 
-/* Without `reach`, which follows when the windows are known. 1 on success, 0 when out of memory. */
+/* Without `widest`, which follows when the windows are known. 1 on success, 0 when out of memory. */
 static int dgfemi_sampling_make(dgfemi_arena *arena, const dgfem_mesh *mesh, const dgfem_embedding *embedding,
                                 const dgfemi_locator *locator, dgfemi_sampling *sampling) {
-    size_t elements = (size_t)mesh->element_count, terms = (size_t)embedding->term_start[embedding->sample_count];
+    size_t elements = (size_t)mesh->element_count, samples = (size_t)embedding->sample_count;
+    size_t buckets = (size_t)dgfemi_locator_bucket_count(locator);
     int *fill = (int *)dgfemi_arena_allocate_zero(arena, 2 * elements, sizeof(int));
     memset(sampling, 0, sizeof *sampling);
     sampling->mesh = mesh, sampling->embedding = embedding, sampling->locator = locator;
     sampling->element_start = (int *)dgfemi_arena_allocate(arena, elements + 1, sizeof(int));
-    sampling->element_sample = (int *)dgfemi_arena_allocate(arena, terms, sizeof(int));
+    sampling->element_sample = (int *)dgfemi_arena_allocate(arena, samples, sizeof(int));
     sampling->neighbour_start = (int *)dgfemi_arena_allocate(arena, elements + 1, sizeof(int));
     sampling->neighbour = (int *)dgfemi_arena_allocate(arena, 2 * (size_t)mesh->face_count, sizeof(int));
-    sampling->radius = (dgfem_real *)dgfemi_arena_allocate(arena, (size_t)embedding->sample_count, sizeof(dgfem_real));
-    sampling->reach = (dgfem_real *)dgfemi_arena_allocate(arena, elements, sizeof(dgfem_real));
+    sampling->radius = (dgfem_real *)dgfemi_arena_allocate(arena, samples, sizeof(dgfem_real));
+    sampling->widest = (dgfem_real *)dgfemi_arena_allocate(arena, buckets, sizeof(dgfem_real));
     sampling->component = (int *)dgfemi_arena_allocate(arena, elements, sizeof(int));
     sampling->component_samples = (int *)dgfemi_arena_allocate(arena, elements, sizeof(int));
-    sampling->mark = (int *)dgfemi_arena_allocate_zero(arena, elements, sizeof(int));
-    sampling->stack = (int *)dgfemi_arena_allocate(arena, elements, sizeof(int));
     if (!fill || !sampling->element_start || !sampling->element_sample || !sampling->neighbour_start ||
-        !sampling->neighbour || !sampling->radius || !sampling->reach || !sampling->component ||
-        !sampling->component_samples || !sampling->mark || !sampling->stack)
+        !sampling->neighbour || !sampling->radius || !sampling->widest || !sampling->component ||
+        !sampling->component_samples)
         return 0;
-    dgfemi_sampling_incidence(sampling, fill);
+    dgfemi_sampling_list(sampling, fill);
     dgfemi_sampling_neighbours(sampling, fill + mesh->element_count);
-    dgfemi_sampling_components(sampling);
+    dgfemi_sampling_components(sampling, fill);
     for (int s = 0; s < embedding->sample_count; s++) {
         int first = embedding->term_start[s], count = embedding->term_start[s + 1] - first;
         sampling->radius[s] = DGFEM_WINDOW * dgfemi_mean_radius(mesh, embedding->term_element + first, count);
@@ -16847,252 +17040,465 @@ static int dgfemi_sampling_make(dgfemi_arena *arena, const dgfem_mesh *mesh, con
     return 1;
 }
 
-/* ---- query: the samples that reach a point ---- */
+/* ==== embed_view.c ================================================================================================ */
 
-typedef struct dgfemi_query {
-    dgfemi_sampling *sampling;
-    int *element_mark, *sample_mark, stamp; /* query that met the element, the sample last */
-    dgfem_real *way; /* [elements] squared distance of the farthest element that must be passed to get there, itself
-                        included */
-    int *heap;       /* [elements] elements to visit, the one with the shortest way on top */
-    int heap_count;
-    int *visited; /* [elements] in the order of their ways */
-    int visited_count;
-    int *sample;        /* [samples] that reach the point */
-    dgfem_real *theta;  /* [samples] their windows */
-    dgfem_real *weight; /* [samples] their weights */
-    int count;
-    int *spare_sample; /* [samples] for sorting, as are */
-    dgfem_real *spare_theta;
-} dgfemi_query;
+/* Embedding of points, second part: weights. Points that sit in one element see much the same. What they may see - the
+   elements around and the samples whose windows reach that far - is listed once for some of them, in a view; then each
+   point's weights are computed from its view alone, by any thread. */
 
-static int dgfemi_query_make(dgfemi_arena *arena, dgfemi_sampling *sampling, dgfemi_query *query) {
+#define DGFEM_ENLARGE DGFEM_R(1.25)
+#define DGFEM_MIN_POINT_SAMPLES 8
+#define DGFEM_MAX_CONDITION DGFEM_R(1e4) /* of C; a larger one enlarges the windows */
+#define DGFEM_CONDITION_ROUNDS 4         /* but only so often: a thin plate has no better one to offer */
+#define DGFEM_MAX_ROUNDS 64
+#define DGFEM_VIEW_POINTS 32 /* at most: it bounds a view's memory */
+
+typedef struct dgfemi_view {
+    const dgfem_embedding *embedding;
+    const int *points; /* of one element */
+    int point_count, home;
+    int element_count; /* elements that may have to be passed, each beside an earlier one; the first is the home */
+    int *element, *neighbour_start, *neighbour; /* glued neighbours, as places in this list */
+    dgfem_real *box[6];                         /* their boxes: lower x, y, z, upper x, y, z */
+    int sample_count;                           /* samples that may be seen, ascending */
+    int *sample, *term_start, *term;            /* their elements, as places in the list */
+    dgfem_real *at[3], *square;                 /* their positions and R_k^2 */
+    int all;                                    /* samples that are connected to the home */
+    int *first, *count;                         /* [points] results; count DGFEM_NONE: poorly served */
+    int *seen_sample;                           /* [point_count * sample_count] one point's after another's */
+    dgfem_real *weight;
+    int *blocked; /* room for one point: [elements], */
+    dgfem_real *near, *way; /* squared distance of its box; of the farthest box that must be passed to get there */
+    int *pick; /* and [samples] those that reach the point, */
+    dgfem_real *distance, *theta, *offset[3]; /* squared distance; window; from the point to the sample */
+} dgfemi_view;
+
+/* Lists below are filled without branches: what to keep is hard to predict, and what is not is overwritten. */
+
+/* ---- what can be seen ---- */
+
+/* Makes views. All arrays have one place for each element or sample. */
+typedef struct dgfemi_viewer {
+    const dgfemi_sampling *sampling;
+    int *mark, stamp; /* search that met the element last */
+    int *place;       /* in the list of the view being made */
+    int *element, *sample, *spare;
+} dgfemi_viewer;
+
+/* 1 on success, 0 when out of memory. */
+static int dgfemi_viewer_make(dgfemi_arena *arena, const dgfemi_sampling *sampling, dgfemi_viewer *viewer) {
     size_t elements = (size_t)sampling->mesh->element_count, samples = (size_t)sampling->embedding->sample_count;
-    memset(query, 0, sizeof *query);
-    query->sampling = sampling;
-    query->element_mark = (int *)dgfemi_arena_allocate_zero(arena, elements, sizeof(int));
-    query->sample_mark = (int *)dgfemi_arena_allocate_zero(arena, samples, sizeof(int));
-    query->way = (dgfem_real *)dgfemi_arena_allocate(arena, elements, sizeof(dgfem_real));
-    query->heap = (int *)dgfemi_arena_allocate(arena, elements, sizeof(int));
-    query->visited = (int *)dgfemi_arena_allocate(arena, elements, sizeof(int));
-    query->sample = (int *)dgfemi_arena_allocate(arena, samples, sizeof(int));
-    query->theta = (dgfem_real *)dgfemi_arena_allocate(arena, samples, sizeof(dgfem_real));
-    query->weight = (dgfem_real *)dgfemi_arena_allocate(arena, samples, sizeof(dgfem_real));
-    query->spare_sample = (int *)dgfemi_arena_allocate(arena, samples, sizeof(int));
-    query->spare_theta = (dgfem_real *)dgfemi_arena_allocate(arena, samples, sizeof(dgfem_real));
-    if (!query->spare_sample || !query->spare_theta) return 0;
-    return query->element_mark && query->sample_mark && query->way && query->heap && query->visited && query->sample &&
-           query->theta && query->weight;
+    viewer->sampling = sampling, viewer->stamp = 0;
+    viewer->mark = (int *)dgfemi_arena_allocate_zero(arena, elements, sizeof(int));
+    viewer->place = (int *)dgfemi_arena_allocate(arena, elements, sizeof(int));
+    viewer->element = (int *)dgfemi_arena_allocate(arena, elements, sizeof(int));
+    viewer->sample = (int *)dgfemi_arena_allocate(arena, samples, sizeof(int));
+    viewer->spare = (int *)dgfemi_arena_allocate(arena, samples, sizeof(int));
+    return viewer->mark && viewer->place && viewer->element && viewer->sample && viewer->spare;
 }
 
-/* Shorter way first, then lower index: one order, whatever the history of the heap. */
-static int dgfemi_query_before(const dgfemi_query *query, int a, int b) {
-    if (query->way[a] < query->way[b]) return 1;
-    return !(query->way[b] < query->way[a]) && a < b;
-}
-
-static void dgfemi_query_push(dgfemi_query *query, int element, dgfem_real way) {
-    int i = query->heap_count++;
-    query->way[element] = way;
-    while (i > 0 && dgfemi_query_before(query, element, query->heap[(i - 1) / 2])) {
-        query->heap[i] = query->heap[(i - 1) / 2];
-        i = (i - 1) / 2;
-    }
-    query->heap[i] = element;
-}
-
-static int dgfemi_query_pop(dgfemi_query *query) {
-    int top = query->heap[0], last = query->heap[--query->heap_count], i = 0;
-    for (;;) {
-        int child = 2 * i + 1;
-        if (child >= query->heap_count) break;
-        if (child + 1 < query->heap_count && dgfemi_query_before(query, query->heap[child + 1], query->heap[child]))
-            child++;
-        if (!dgfemi_query_before(query, query->heap[child], last)) break;
-        query->heap[i] = query->heap[child];
-        i = child;
-    }
-    query->heap[i] = last;
-    return top;
-}
-
-static dgfem_real dgfemi_window(dgfem_real square) {
-    dgfem_real rest = 1 - square;
-    return (dgfem_real)exp(-2 * (double)square) * rest * rest * rest;
-}
-
-/* Accepts the samples of an element just visited. The first visit of a sample comes by its shortest way. */
-static void dgfemi_query_accept(dgfemi_query *query, int element, dgfem_vec3 x) {
-    const dgfemi_sampling *sampling = query->sampling;
-    for (int i = sampling->element_start[element]; i < sampling->element_start[element + 1]; i++) {
-        int s = sampling->element_sample[i];
-        dgfem_real square, limit = sampling->radius[s] * sampling->radius[s];
-        dgfem_vec3 d;
-        if (query->sample_mark[s] == query->stamp) continue;
-        query->sample_mark[s] = query->stamp;
-        d = dgfemi_sub(sampling->embedding->samples[s], x);
-        square = dgfemi_max(query->way[element], dgfemi_dot(d, d));
-        if (!(square < limit)) continue;
-        query->theta[query->count] = dgfemi_window(square / limit);
-        query->sample[query->count++] = s;
-    }
-}
-
-/* Finds the samples that reach x from the element `home`: elements are visited in the order of their ways, the way of a
-   neighbour being max(way, distance from x to the neighbour's box). The first way to an element is its shortest one. */
-static void dgfemi_query_run(dgfemi_query *query, int home, dgfem_vec3 x) {
-    const dgfemi_sampling *sampling = query->sampling;
-    query->stamp++;
-    query->count = query->heap_count = query->visited_count = 0;
-    query->element_mark[home] = query->stamp;
-    dgfemi_query_push(query, home, 0);
-    while (query->heap_count > 0) {
-        int e = dgfemi_query_pop(query);
-        query->visited[query->visited_count++] = e;
-        dgfemi_query_accept(query, e, x);
+/* Lists the elements that hang together with `home` within `reach` of a box. Returns their number. */
+static int dgfemi_viewer_find_elements(dgfemi_viewer *viewer, int home, dgfem_vec3 lower, dgfem_vec3 upper,
+                                       dgfem_real reach) {
+    const dgfemi_sampling *sampling = viewer->sampling;
+    const dgfemi_locator *locator = sampling->locator;
+    int count = 1;
+    viewer->stamp++;
+    viewer->element[0] = home, viewer->mark[home] = viewer->stamp, viewer->place[home] = 0;
+    for (int i = 0; i < count; i++) {
+        int e = viewer->element[i];
         for (int k = sampling->neighbour_start[e]; k < sampling->neighbour_start[e + 1]; k++) {
-            int neighbour = sampling->neighbour[k];
-            dgfem_real way;
-            if (query->element_mark[neighbour] == query->stamp) continue;
-            query->element_mark[neighbour] = query->stamp;
-            way = dgfemi_max(query->way[e], dgfemi_sampling_square(sampling, neighbour, x));
-            if (way < sampling->reach[neighbour] * sampling->reach[neighbour]) dgfemi_query_push(query, neighbour, way);
+            int other = sampling->neighbour[k];
+            if (viewer->mark[other] == viewer->stamp) continue;
+            viewer->mark[other] = viewer->stamp, viewer->place[other] = DGFEM_NONE;
+            if (!(dgfemi_boxes_square(locator->lower[other], locator->upper[other], lower, upper) < reach * reach))
+                continue;
+            viewer->place[other] = count;
+            viewer->element[count++] = other;
         }
     }
+    return count;
+}
+
+#define DGFEM_DIGIT 6 /* bits */
+
+/* Sorts the list of samples: some hundred of thousands, by their digits, the lowest first. */
+static void dgfemi_viewer_sort(dgfemi_viewer *viewer, int count) {
+    const int digits = 1 << DGFEM_DIGIT;
+    for (int shift = 0; viewer->sampling->embedding->sample_count >> shift > 0; shift += DGFEM_DIGIT) {
+        int start[1 << DGFEM_DIGIT] = {0}, total = 0, *sample = viewer->sample;
+        for (int i = 0; i < count; i++) start[sample[i] >> shift & (digits - 1)]++;
+        for (int d = 0; d < digits; d++) {
+            int size = start[d];
+            start[d] = total;
+            total += size;
+        }
+        for (int i = 0; i < count; i++) viewer->spare[start[sample[i] >> shift & (digits - 1)]++] = sample[i];
+        viewer->sample = viewer->spare, viewer->spare = sample;
+    }
+}
+
+/* Lists the samples of the listed elements whose windows touch the box. A sample lies in the boxes of all its elements:
+   if it does, the first one of them is listed. Returns their number. */
+static int dgfemi_viewer_find_samples(dgfemi_viewer *viewer, int element_count, dgfem_vec3 lower, dgfem_vec3 upper) {
+    const dgfemi_sampling *sampling = viewer->sampling;
+    int count = 0;
+    for (int i = 0; i < element_count; i++) {
+        int e = viewer->element[i];
+        for (int k = sampling->element_start[e]; k < sampling->element_start[e + 1]; k++) {
+            int s = sampling->element_sample[k];
+            dgfem_real square = dgfemi_box_square(lower, upper, sampling->embedding->samples[s]);
+            viewer->sample[count] = s;
+            count += square < sampling->radius[s] * sampling->radius[s];
+        }
+    }
+    dgfemi_viewer_sort(viewer, count);
+    return count;
+}
+
+/* Room for the lists that the viewer holds, for the results and for work. 1 on success. */
+static int dgfemi_view_allocate(dgfemi_arena *arena, const dgfemi_viewer *viewer, dgfemi_view *view) {
+    const dgfemi_sampling *sampling = viewer->sampling;
+    const int *term_start = sampling->embedding->term_start;
+    size_t elements = (size_t)view->element_count, samples = (size_t)view->sample_count;
+    size_t points = (size_t)view->point_count, neighbours = 0, terms = 0;
+    dgfem_real *reals;
+    int *ints;
+    for (size_t i = 0; i < elements; i++)
+        neighbours += (size_t)(sampling->neighbour_start[viewer->element[i] + 1] -
+                               sampling->neighbour_start[viewer->element[i]]);
+    for (size_t i = 0; i < samples; i++)
+        terms += (size_t)(term_start[viewer->sample[i] + 1] - term_start[viewer->sample[i]]);
+    reals = (dgfem_real *)dgfemi_arena_allocate(arena, 8 * elements + (9 + points) * samples, sizeof *reals);
+    ints = (int *)dgfemi_arena_allocate(
+        arena, 3 * elements + 1 + neighbours + (3 + points) * samples + 1 + terms + 2 * points, sizeof *ints);
+    if (!reals || !ints) return 0;
+    for (int axis = 0; axis < 6; axis++) view->box[axis] = reals, reals += elements;
+    view->near = reals, reals += elements;
+    view->way = reals, reals += elements;
+    for (int axis = 0; axis < 3; axis++) {
+        view->at[axis] = reals, reals += samples;
+        view->offset[axis] = reals, reals += samples;
+    }
+    view->square = reals, reals += samples;
+    view->distance = reals, reals += samples;
+    view->theta = reals, reals += samples;
+    view->weight = reals;
+    view->element = ints, ints += elements;
+    view->blocked = ints, ints += elements;
+    view->neighbour_start = ints, ints += elements + 1;
+    view->neighbour = ints, ints += neighbours;
+    view->sample = ints, ints += samples;
+    view->pick = ints, ints += samples;
+    view->term_start = ints, ints += samples + 1;
+    view->term = ints, ints += terms;
+    view->first = ints, ints += points;
+    view->count = ints, ints += points;
+    view->seen_sample = ints;
+    return 1;
+}
+
+static void dgfemi_view_fill_elements(const dgfemi_viewer *viewer, dgfemi_view *view) {
+    const dgfemi_sampling *sampling = viewer->sampling;
+    int total = 0;
+    for (int i = 0; i < view->element_count; i++) {
+        int e = viewer->element[i];
+        dgfem_vec3 lower = sampling->locator->lower[e], upper = sampling->locator->upper[e];
+        view->element[i] = e, view->neighbour_start[i] = total;
+        view->box[0][i] = lower.x, view->box[1][i] = lower.y, view->box[2][i] = lower.z;
+        view->box[3][i] = upper.x, view->box[4][i] = upper.y, view->box[5][i] = upper.z;
+        for (int k = sampling->neighbour_start[e]; k < sampling->neighbour_start[e + 1]; k++) {
+            view->neighbour[total] = viewer->place[sampling->neighbour[k]];
+            total += view->neighbour[total] != DGFEM_NONE;
+        }
+    }
+    view->neighbour_start[view->element_count] = total;
+}
+
+static void dgfemi_view_fill_samples(const dgfemi_viewer *viewer, dgfemi_view *view) {
+    const dgfem_embedding *embedding = viewer->sampling->embedding;
+    int total = 0;
+    for (int i = 0; i < view->sample_count; i++) {
+        int s = viewer->sample[i];
+        dgfem_vec3 x = embedding->samples[s];
+        view->sample[i] = s, view->term_start[i] = total;
+        view->at[0][i] = x.x, view->at[1][i] = x.y, view->at[2][i] = x.z;
+        view->square[i] = viewer->sampling->radius[s] * viewer->sampling->radius[s];
+        for (int t = embedding->term_start[s]; t < embedding->term_start[s + 1]; t++) {
+            int e = embedding->term_element[t];
+            view->term[total] = viewer->place[e];
+            total += viewer->mark[e] == viewer->stamp && viewer->place[e] != DGFEM_NONE;
+        }
+    }
+    view->term_start[view->sample_count] = total;
+}
+
+/* What points[point_count], all of the element `home`, may see. 1 on success, 0 when out of memory. */
+static int dgfemi_view_make(dgfemi_arena *arena, dgfemi_viewer *viewer, int home, const int *points, int point_count,
+                            dgfemi_view *view) {
+    const dgfemi_sampling *sampling = viewer->sampling;
+    const dgfem_embedding *embedding = sampling->embedding;
+    dgfem_vec3 lower = embedding->point_window[points[0]], upper = lower;
+    for (int i = 1; i < point_count; i++) {
+        lower = dgfemi_min3(lower, embedding->point_window[points[i]]);
+        upper = dgfemi_max3(upper, embedding->point_window[points[i]]);
+    }
+    view->embedding = embedding, view->points = points, view->point_count = point_count, view->home = home;
+    view->all = sampling->component_samples[sampling->component[home]];
+    view->element_count =
+        dgfemi_viewer_find_elements(viewer, home, lower, upper, dgfemi_sampling_reach(sampling, lower, upper));
+    view->sample_count = dgfemi_viewer_find_samples(viewer, view->element_count, lower, upper);
+    if (!dgfemi_view_allocate(arena, viewer, view)) return 0;
+    dgfemi_view_fill_elements(viewer, view);
+    dgfemi_view_fill_samples(viewer, view);
+    return 1;
+}
+
+/* ---- the samples that reach a point ---- */
+
+/* The way to an element by those of its neighbours. */
+static dgfem_real dgfemi_view_way(const dgfemi_view *view, int i) {
+    dgfem_real shortest = view->way[view->neighbour[view->neighbour_start[i]]];
+    for (int k = view->neighbour_start[i] + 1; k < view->neighbour_start[i + 1] && shortest > view->near[i]; k++)
+        shortest = dgfemi_min(shortest, view->way[view->neighbour[k]]);
+    return dgfemi_max(shortest, view->near[i]);
+}
+
+/* Fills `near` and `way`. Most ways are no longer than they must be, as a neighbour's is; the others (`blocked`) are
+   shortened as long as a neighbour's way has been. */
+static void dgfemi_view_find_ways(dgfemi_view *view, dgfem_vec3 x) {
+    int blocked = 0, shortened = 1;
+    for (int i = 0; i < view->element_count; i++) {
+        dgfem_real dx = dgfemi_max(dgfemi_max(view->box[0][i] - x.x, x.x - view->box[3][i]), 0);
+        dgfem_real dy = dgfemi_max(dgfemi_max(view->box[1][i] - x.y, x.y - view->box[4][i]), 0);
+        dgfem_real dz = dgfemi_max(dgfemi_max(view->box[2][i] - x.z, x.z - view->box[5][i]), 0);
+        view->near[i] = dx * dx + dy * dy + dz * dz;
+        view->way[i] = (dgfem_real)HUGE_VAL;
+    }
+    view->way[0] = 0;
+    for (int i = 1; i < view->element_count; i++) {
+        view->way[i] = dgfemi_view_way(view, i);
+        if (view->way[i] > view->near[i]) view->blocked[blocked++] = i;
+    }
+    while (shortened) {
+        shortened = 0;
+        for (int k = 0; k < blocked; k++) {
+            int i = view->blocked[k];
+            dgfem_real way = dgfemi_view_way(view, i);
+            if (!(way < view->way[i])) continue;
+            view->way[i] = way, shortened = 1;
+        }
+    }
+}
+
+/* exp(-2 s), 0 <= s <= 1: a sixteenth of the exponent by its series, squared four times. */
+static dgfem_real dgfemi_window_exp(dgfem_real s) {
+    const dgfem_real third = DGFEM_R(1.) / 3, fifth = DGFEM_R(1.) / 5, sixth = DGFEM_R(1.) / 6;
+    const dgfem_real seventh = DGFEM_R(1.) / 7, ninth = DGFEM_R(1.) / 9;
+    dgfem_real t = s * DGFEM_R(-0.125), e = 1 + t * ninth;
+    e = 1 + t * DGFEM_R(0.125) * e;
+    e = 1 + t * seventh * e;
+    e = 1 + t * sixth * e;
+    e = 1 + t * fifth * e;
+    e = 1 + t * DGFEM_R(0.25) * e;
+    e = 1 + t * third * e;
+    e = 1 + t * DGFEM_R(0.5) * e;
+    e = 1 + t * e;
+    e *= e, e *= e, e *= e;
+    return e * e;
+}
+
+/* Fills `pick` and `theta`, relative to the largest, so that far samples alone do as well as near ones. Returns the
+   number of samples that reach x. */
+static int dgfemi_view_find_seen(dgfemi_view *view, dgfem_vec3 x) {
+    dgfem_real largest = 0;
+    int near = 0, count = 0;
+    for (int k = 0; k < view->sample_count; k++) {
+        dgfem_real dx = view->at[0][k] - x.x, dy = view->at[1][k] - x.y, dz = view->at[2][k] - x.z;
+        view->distance[k] = dx * dx + dy * dy + dz * dz;
+    }
+    for (int k = 0; k < view->sample_count; k++) {
+        view->pick[near] = k;
+        near += view->distance[k] < view->square[k];
+    }
+    for (int i = 0; i < near; i++) {
+        int k = view->pick[i];
+        dgfem_real s, way = view->way[view->term[view->term_start[k]]];
+        for (int t = view->term_start[k] + 1; t < view->term_start[k + 1] && way > view->distance[k]; t++)
+            way = dgfemi_min(way, view->way[view->term[t]]);
+        s = dgfemi_max(way, view->distance[k]) / view->square[k];
+        if (!(s < 1)) continue;
+        view->pick[count] = k, view->theta[count++] = s;
+    }
+    for (int i = 0; i < count; i++) {
+        dgfem_real s = view->theta[i], rest = 1 - s;
+        view->theta[i] = dgfemi_window_exp(s) * rest * rest * rest;
+    }
+    for (int i = 0; i < count; i++) largest = dgfemi_max(largest, view->theta[i]);
+    for (int i = 0; i < count; i++) view->theta[i] /= largest;
+    return count;
+}
+
+/* All samples of the home, alike. Returns their number. */
+static int dgfemi_view_take_home(dgfemi_view *view) {
+    int count = 0;
+    for (int k = 0; k < view->sample_count; k++)
+        for (int t = view->term_start[k]; t < view->term_start[k + 1]; t++)
+            if (view->term[t] == 0) view->pick[count] = k, view->theta[count++] = 1;
+    return count;
 }
 
 /* ---- weights ---- */
 
 /* Weighted means of the samples that reach x, relative to x. */
 typedef struct dgfemi_fit {
-    dgfem_real weight;    /* W */
-    dgfem_vec3 mean;      /* m - x */
-    dgfem_real moment[3]; /* eigenvalues of C, ascending, */
-    dgfem_mat3 axes;      /* and its eigenvectors */
+    dgfem_real weight; /* W */
+    dgfem_vec3 mean;   /* m - x */
+    dgfem_mat3 inverse; /* C^-1; directions in which the samples do not spread are left out of it */
+    int is_conditioned, is_flat;
 } dgfemi_fit;
 
 #define DGFEM_FLAT                                                                                                     \
     (DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-6) : DGFEM_R(1e-12)) /* of the largest moment: smaller is round-off */
+#define DGFEM_ROUND DGFEM_R(1e-3) /* smallest by largest moment: the inverse by cofactors is good enough */
 
-static dgfem_vec3 dgfemi_query_offset(const dgfemi_query *query, int i, dgfem_vec3 x) {
-    return dgfemi_sub(query->sampling->embedding->samples[query->sample[i]], x);
+/* Fills `offset`, from x to the first `count` picks. */
+static void dgfemi_view_set_offsets(dgfemi_view *view, int count, dgfem_vec3 x) {
+    for (int i = 0; i < count; i++) {
+        int k = view->pick[i];
+        view->offset[0][i] = view->at[0][k] - x.x;
+        view->offset[1][i] = view->at[1][k] - x.y;
+        view->offset[2][i] = view->at[2][k] - x.z;
+    }
 }
 
-static void dgfemi_query_fit(const dgfemi_query *query, dgfem_vec3 x, dgfemi_fit *fit) {
+/* sum theta d d^T, d the offset from the mean. */
+static dgfem_mat3 dgfemi_view_moments(const dgfemi_view *view, int count, dgfem_vec3 mean) {
     dgfem_real xx = 0, yy = 0, zz = 0, xy = 0, xz = 0, yz = 0;
     dgfem_mat3 c;
-    memset(fit, 0, sizeof *fit);
-    for (int i = 0; i < query->count; i++) {
-        fit->weight += query->theta[i];
-        fit->mean = dgfemi_add_scaled(fit->mean, query->theta[i], dgfemi_query_offset(query, i, x));
-    }
-    if (!(fit->weight > 0)) return;
-    fit->mean = dgfemi_scale(1 / fit->weight, fit->mean);
-    for (int i = 0; i < query->count; i++) {
-        dgfem_vec3 d = dgfemi_sub(dgfemi_query_offset(query, i, x), fit->mean);
-        dgfem_vec3 t = dgfemi_scale(query->theta[i], d);
-        xx += t.x * d.x, yy += t.y * d.y, zz += t.z * d.z;
-        xy += t.x * d.y, xz += t.x * d.z, yz += t.y * d.z;
+    for (int i = 0; i < count; i++) {
+        dgfem_real x = view->offset[0][i] - mean.x, y = view->offset[1][i] - mean.y, z = view->offset[2][i] - mean.z;
+        dgfem_real tx = view->theta[i] * x, ty = view->theta[i] * y, tz = view->theta[i] * z;
+        xx += tx * x, yy += ty * y, zz += tz * z;
+        xy += tx * y, xz += tx * z, yz += ty * z;
     }
     c.m[0][0] = xx, c.m[1][1] = yy, c.m[2][2] = zz;
     c.m[0][1] = c.m[1][0] = xy, c.m[0][2] = c.m[2][0] = xz, c.m[1][2] = c.m[2][1] = yz;
-    dgfem_eigen_symmetric(c, fit->moment, &fit->axes);
+    return c;
 }
 
-static int dgfemi_fit_is_flat(const dgfemi_fit *fit) { return !(fit->moment[0] > DGFEM_FLAT * fit->moment[2]); }
-
-/* C^-1 v; directions in which the samples do not spread are left out. */
-static dgfem_vec3 dgfemi_fit_solve(const dgfemi_fit *fit, dgfem_vec3 v) {
-    dgfem_vec3 result = dgfemi_vec3(0, 0, 0);
-    for (int i = 0; i < 3; i++) {
-        dgfem_vec3 axis = dgfemi_column(&fit->axes, i);
-        if (!(fit->moment[i] > DGFEM_FLAT * fit->moment[2])) continue;
-        result = dgfemi_add_scaled(result, dgfemi_dot(axis, v) / fit->moment[i], axis);
+/* Inverts C. With eigenvalues a <= b <= c and trace t, det = abc <= a t^2/4: a/c is at least 4 det/t^3. Where
+   that is large the cofactors do, else the eigenvectors. */
+static void dgfemi_fit_invert(dgfemi_fit *fit, const dgfem_mat3 *c) {
+    dgfem_vec3 x = dgfemi_column(c, 0), y = dgfemi_column(c, 1), z = dgfemi_column(c, 2);
+    dgfem_real trace = x.x + y.y + z.z, determinant = dgfemi_determinant(c), moment[3];
+    dgfem_mat3 axes;
+    fit->is_conditioned = 1, fit->is_flat = 0;
+    if (4 * determinant > DGFEM_ROUND * trace * trace * trace) {
+        dgfemi_set_column(&fit->inverse, 0, dgfemi_scale(1 / determinant, dgfemi_cross(y, z)));
+        dgfemi_set_column(&fit->inverse, 1, dgfemi_scale(1 / determinant, dgfemi_cross(z, x)));
+        dgfemi_set_column(&fit->inverse, 2, dgfemi_scale(1 / determinant, dgfemi_cross(x, y)));
+        return;
     }
-    return result;
+    dgfem_eigen_symmetric(*c, moment, &axes);
+    memset(&fit->inverse, 0, sizeof fit->inverse);
+    for (int i = 0; i < 3; i++) {
+        dgfem_vec3 axis = dgfemi_column(&axes, i);
+        if (moment[i] > DGFEM_FLAT * moment[2]) dgfemi_add_outer(&fit->inverse, 1 / moment[i], axis, axis);
+        else fit->is_flat = 1;
+    }
+    fit->is_conditioned = moment[0] * DGFEM_MAX_CONDITION > moment[2];
+}
+
+static void dgfemi_view_fit(const dgfemi_view *view, int count, dgfemi_fit *fit) {
+    dgfem_real w = 0, x = 0, y = 0, z = 0;
+    dgfem_mat3 c;
+    for (int i = 0; i < count; i++) {
+        dgfem_real theta = view->theta[i];
+        w += theta, x += theta * view->offset[0][i], y += theta * view->offset[1][i], z += theta * view->offset[2][i];
+    }
+    fit->weight = w, fit->mean = dgfemi_vec3(x / w, y / w, z / w);
+    c = dgfemi_view_moments(view, count, fit->mean);
+    dgfemi_fit_invert(fit, &c);
 }
 
 /* Adds theta_k (value / W + (x_k - m)^T C^-1 slope) to the weights: sum phi grows by `value`, and sum phi (x_k - m) by
    `slope`. */
-static void dgfemi_query_add_weights(dgfemi_query *query, const dgfemi_fit *fit, dgfem_vec3 x, dgfem_real value,
-                                     dgfem_vec3 slope) {
-    dgfem_vec3 z = dgfemi_fit_solve(fit, slope);
-    for (int i = 0; i < query->count; i++) {
-        dgfem_vec3 d = dgfemi_sub(dgfemi_query_offset(query, i, x), fit->mean);
-        query->weight[i] += query->theta[i] * (value / fit->weight + dgfemi_dot(d, z));
-    }
+static void dgfemi_view_add_weights(const dgfemi_view *view, int count, const dgfemi_fit *fit, dgfem_real value,
+                                    dgfem_vec3 slope, dgfem_real *weight) {
+    dgfem_vec3 s = dgfemi_multiply(&fit->inverse, slope);
+    dgfem_real constant = value / fit->weight - dgfemi_dot(s, fit->mean);
+    for (int i = 0; i < count; i++)
+        weight[i] += view->theta[i] * (constant + s.x * view->offset[0][i] + s.y * view->offset[1][i] +
+                                       s.z * view->offset[2][i]);
 }
 
-/* Weights at x from the windows in theta. What round-off has left of sum phi = 1 and sum phi (x_k - x) = 0 is put right
-   by the same formula. */
-static void dgfemi_query_weights(dgfemi_query *query, const dgfemi_fit *fit, dgfem_vec3 x) {
-    dgfem_vec3 first = dgfemi_vec3(0, 0, 0);
-    dgfem_real sum = 0;
-    for (int i = 0; i < query->count; i++) query->weight[i] = 0;
-    dgfemi_query_add_weights(query, fit, x, 1, dgfemi_scale(-1, fit->mean));
-    for (int i = 0; i < query->count; i++) {
-        sum += query->weight[i];
-        first = dgfemi_add_scaled(first, query->weight[i], dgfemi_query_offset(query, i, x));
+/* Weights from the windows in theta. What round-off has left of sum phi = 1 and sum phi (x_k - x) = 0 is put right by
+   the same formula. */
+static void dgfemi_view_set_weights(const dgfemi_view *view, int count, const dgfemi_fit *fit, dgfem_real *weight) {
+    dgfem_real sum = 0, x = 0, y = 0, z = 0;
+    for (int i = 0; i < count; i++) weight[i] = 0;
+    dgfemi_view_add_weights(view, count, fit, 1, dgfemi_scale(-1, fit->mean), weight);
+    for (int i = 0; i < count; i++) {
+        dgfem_real w = weight[i];
+        sum += w, x += w * view->offset[0][i], y += w * view->offset[1][i], z += w * view->offset[2][i];
     }
-    dgfemi_query_add_weights(query, fit, x, 1 - sum, dgfemi_add_scaled(dgfemi_scale(-1, first), -(1 - sum), fit->mean));
+    dgfemi_view_add_weights(view, count, fit, 1 - sum,
+                            dgfemi_add_scaled(dgfemi_vec3(-x, -y, -z), -(1 - sum), fit->mean), weight);
 }
 
-/* All samples of one element, alike. */
-static void dgfemi_query_take_element(dgfemi_query *query, int element) {
-    const dgfemi_sampling *sampling = query->sampling;
-    query->count = 0;
-    for (int i = sampling->element_start[element]; i < sampling->element_start[element + 1]; i++) {
-        query->theta[query->count] = 1;
-        query->sample[query->count++] = sampling->element_sample[i];
+/* Weights of a point, from `first` on of the results, if the samples that reach it, `round` enlargements on, determine
+   the fit. Returns their number, or DGFEM_NONE. */
+static int dgfemi_view_weigh(dgfemi_view *view, int point, int first, int round) {
+    dgfem_vec3 x = view->embedding->points[point];
+    dgfemi_fit fit;
+    int count, found;
+    dgfemi_view_find_ways(view, view->embedding->point_window[point]);
+    count = dgfemi_view_find_seen(view, view->embedding->point_window[point]);
+    found = round >= DGFEM_MAX_ROUNDS || count == view->all; /* there are no more */
+    if (!found && count < DGFEM_MIN_POINT_SAMPLES) return DGFEM_NONE;
+    dgfemi_view_set_offsets(view, count, x);
+    dgfemi_view_fit(view, count, &fit);
+    if (!found && round < DGFEM_CONDITION_ROUNDS && !fit.is_conditioned) return DGFEM_NONE;
+    if (fit.is_flat) {
+        count = dgfemi_view_take_home(view);
+        dgfemi_view_set_offsets(view, count, x);
+        dgfemi_view_fit(view, count, &fit);
     }
+    dgfemi_view_set_weights(view, count, &fit, view->weight + first);
+    for (int i = 0; i < count; i++) view->seen_sample[first + i] = view->sample[view->pick[i]];
+    return count;
 }
 
-/* Windows relative to the largest one, so that far samples alone do as well as near ones; those below round-off go. */
-static void dgfemi_query_normalize(dgfemi_query *query) {
-    dgfem_real largest = 0;
-    int kept = 0;
-    for (int i = 0; i < query->count; i++) largest = dgfemi_max(largest, query->theta[i]);
-    for (int i = 0; i < query->count; i++) {
-        dgfem_real theta = query->theta[i] / largest;
-        if (!(theta > 0)) continue;
-        query->theta[kept] = theta;
-        query->sample[kept++] = query->sample[i];
-    }
-    query->count = kept;
+/* An earlier point of the view in the same place, as vertices on a seam or at a cut are; else DGFEM_NONE. */
+static int dgfemi_view_find_double(const dgfemi_view *view, int i) {
+    const dgfem_embedding *embedding = view->embedding;
+    for (int j = 0; j < i; j++)
+        if (dgfemi_same_position(embedding->point_window[view->points[i]], embedding->point_window[view->points[j]]) &&
+            dgfemi_same_position(embedding->points[view->points[i]], embedding->points[view->points[j]]))
+            return j;
+    return DGFEM_NONE;
 }
 
-#define DGFEM_DIGIT 6 /* bits */
-
-/* Samples and their theta in ascending order: points that share samples read them alike. Some fifty of thousands:
-   sorted by their digits, the lowest first. */
-static void dgfemi_query_sort(dgfemi_query *query) {
-    int digits = 1 << DGFEM_DIGIT;
-    for (int shift = 0; query->sampling->embedding->sample_count >> shift > 0; shift += DGFEM_DIGIT) {
-        int start[1 << DGFEM_DIGIT] = {0}, total = 0;
-        int *sample = query->sample;
-        dgfem_real *theta = query->theta;
-        for (int i = 0; i < query->count; i++) start[sample[i] >> shift & (digits - 1)]++;
-        for (int d = 0; d < digits; d++) {
-            int count = start[d];
-            start[d] = total;
-            total += count;
-        }
-        for (int i = 0; i < query->count; i++) {
-            int to = start[sample[i] >> shift & (digits - 1)]++;
-            query->spare_sample[to] = sample[i];
-            query->spare_theta[to] = theta[i];
-        }
-        query->sample = query->spare_sample, query->spare_sample = sample;
-        query->theta = query->spare_theta, query->spare_theta = theta;
+static void dgfemi_view_weigh_all(dgfemi_view *view, int round) {
+    int used = 0;
+    for (int i = 0; i < view->point_count; i++) {
+        int j = dgfemi_view_find_double(view, i);
+        view->first[i] = j == DGFEM_NONE ? used : view->first[j];
+        view->count[i] =
+            j == DGFEM_NONE ? dgfemi_view_weigh(view, view->points[i], used, round) : view->count[j];
+        if (j == DGFEM_NONE && view->count[i] != DGFEM_NONE) used += view->count[i];
     }
 }
 
 /* ==== embed_points.c ============================================================================================== */
 
-/* Embedding of points, second part: where each point sits, windows large enough for all, weights; what an earlier
+/* Embedding of points, third part: where each point sits, windows large enough for all; what an earlier
    embedding leaves to be kept; evaluation. */
 
 /* ---- the places of points ---- */
+
+#define DGFEM_OUTSIDE DGFEM_R(0.5) /* of the radius: windows are not evaluated farther outside an element */
 
 /* Where the windows of a point are evaluated: at the point, but not far outside its element. The affine fit extends to
    the point itself, so linear fields are reproduced wherever it is. */
@@ -17112,8 +17518,6 @@ static uint64_t dgfemi_hash_position(dgfem_vec3 x) {
     }
     return hash;
 }
-
-static int dgfemi_same_position(dgfem_vec3 a, dgfem_vec3 b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
 
 /* Which elements are those of an earlier embedding: the same centre and as many glued faces. */
 typedef struct dgfemi_kinship {
@@ -17161,12 +17565,14 @@ static int dgfemi_kinship_make(dgfemi_arena *arena, const dgfem_mesh *mesh, cons
 
 /* Where points are reached from. */
 typedef struct dgfemi_places {
-    int *element;       /* [points] */
-    dgfem_vec3 *window; /* [points] where windows are evaluated */
+    int *element;            /* [points] */
+    dgfem_vec3 *window;      /* [points] where windows are evaluated */
+    dgfemi_locator *locator; /* that found them */
 } dgfemi_places;
 
 /* 1 on success, 0 when out of memory. */
-static int dgfemi_places_allocate(dgfemi_arena *arena, int count, dgfemi_places *places) {
+static int dgfemi_places_allocate(dgfemi_arena *arena, int count, dgfemi_locator *locator, dgfemi_places *places) {
+    places->locator = locator;
     places->element = (int *)dgfemi_arena_allocate(arena, (size_t)count, sizeof(int));
     places->window = (dgfem_vec3 *)dgfemi_arena_allocate(arena, (size_t)count, sizeof(dgfem_vec3));
     return places->element && places->window;
@@ -17174,9 +17580,9 @@ static int dgfemi_places_allocate(dgfemi_arena *arena, int count, dgfemi_places 
 
 /* Points stay in elements that have stayed; others are reached from the element at their anchor, or where they have
    none (`anchors` may be NULL), at the point. `old`, of the same first points, and its kinship may be NULL. */
-static void dgfemi_places_find(dgfemi_locator *locator, const dgfem_vec3 *points, const dgfem_vec3 *anchors, int count,
+static void dgfemi_places_find(const dgfem_vec3 *points, const dgfem_vec3 *anchors, int count,
                                const dgfem_embedding *old, const dgfemi_kinship *kinship, dgfemi_places *places) {
-    const dgfem_mesh *mesh = locator->mesh;
+    const dgfem_mesh *mesh = places->locator->mesh;
     for (int p = 0; p < count; p++) {
         int home = DGFEM_NONE;
         dgfemi_location location;
@@ -17186,7 +17592,7 @@ static void dgfemi_places_find(dgfemi_locator *locator, const dgfem_vec3 *points
             places->element[p] = home, places->window[p] = old->point_window[p];
             continue;
         }
-        location = dgfemi_locate(locator, anchors ? anchors[p] : points[p]);
+        location = dgfemi_locate(places->locator, anchors ? anchors[p] : points[p]);
         if (anchors && !dgfemi_same_position(anchors[p], points[p]))
             location = dgfemi_locate_in(mesh, location.element, points[p]);
         places->element[p] = location.element;
@@ -17202,10 +17608,10 @@ static void dgfemi_places_find(dgfemi_locator *locator, const dgfem_vec3 *points
    hold of weights holds in any case. A point keeps its weights if its place, its element and its samples are the same,
    and neither an element come or gone nor a new sample lies within reach. */
 
-/* A box that changes weights within `limit` of it, but not nearer than `from`. */
+/* A box that changes the weights of points within `limit` of it, as far as windows go there. */
 typedef struct dgfemi_disturbance {
     dgfem_vec3 lower, upper;
-    dgfem_real from, limit;
+    dgfem_real limit;
 } dgfemi_disturbance;
 
 /* Points by their elements. */
@@ -17235,23 +17641,32 @@ static int dgfemi_crowds_make(dgfemi_arena *arena, const dgfem_embedding *embedd
     return 1;
 }
 
-/* Clears `calm` for the points that are disturbed. */
-static void dgfemi_crowds_disturb(const dgfemi_crowds *crowds, const dgfem_embedding *embedding, int element_count,
-                                  const dgfemi_disturbance *d, char *calm) {
-    dgfem_real from = d->from * d->from, limit = d->limit * d->limit;
-    for (int e = 0; e < element_count; e++) {
-        dgfem_vec3 near;
-        if (crowds->start[e] == crowds->start[e + 1]) continue;
-        near = dgfemi_min3(dgfemi_max3(d->lower, crowds->lower[e]), crowds->upper[e]);
-        if (!(dgfemi_box_square(d->lower, d->upper, near) < limit)) continue;
-        for (int i = crowds->start[e]; i < crowds->start[e + 1]; i++) {
+/* Clears `calm` for the points of one element that are disturbed. */
+static void dgfemi_crowd_disturb(const dgfemi_crowds *crowds, const dgfemi_sampling *sampling, int element,
+                                 const dgfemi_disturbance *disturbances, int count, char *calm) {
+    const dgfem_embedding *embedding = sampling->embedding;
+    dgfem_vec3 lower = crowds->lower[element], upper = crowds->upper[element];
+    dgfem_real reach = dgfemi_sampling_reach(sampling, lower, upper);
+    int left = 0;
+    for (int i = crowds->start[element]; i < crowds->start[element + 1]; i++) left += calm[crowds->point[i]];
+    for (int k = 0; left > 0 && k < count; k++) {
+        const dgfemi_disturbance *d = &disturbances[k];
+        dgfem_real limit = dgfemi_min(d->limit, reach), square = limit * limit;
+        if (!(dgfemi_boxes_square(d->lower, d->upper, lower, upper) < square)) continue;
+        for (int i = crowds->start[element]; i < crowds->start[element + 1]; i++) {
             int p = crowds->point[i];
-            dgfem_real square;
-            if (!calm[p]) continue;
-            square = dgfemi_box_square(d->lower, d->upper, embedding->point_window[p]);
-            if (square >= from && square < limit) calm[p] = 0;
+            if (!calm[p] || !(dgfemi_box_square(d->lower, d->upper, embedding->point_window[p]) < square)) continue;
+            calm[p] = 0;
+            left--;
         }
     }
+}
+
+static void dgfemi_crowds_disturb(const dgfemi_crowds *crowds, const dgfemi_sampling *sampling,
+                                  const dgfemi_disturbance *disturbances, int count, char *calm) {
+    for (int e = 0; e < sampling->mesh->element_count; e++)
+        if (crowds->start[e] < crowds->start[e + 1])
+            dgfemi_crowd_disturb(crowds, sampling, e, disturbances, count, calm);
 }
 
 typedef struct dgfemi_reuse {
@@ -17273,9 +17688,7 @@ static int dgfemi_embedding_sign(dgfem_embedding *embedding, const dgfemi_sampli
     embedding->element_centre = (dgfem_vec3 *)dgfemi_allocate(hooks, elements, sizeof(dgfem_vec3));
     embedding->element_glue = (int *)dgfemi_allocate(hooks, elements, sizeof(int));
     embedding->element_box = (dgfem_vec3 *)dgfemi_allocate(hooks, 2 * elements, sizeof(dgfem_vec3));
-    embedding->element_reach = (dgfem_real *)dgfemi_duplicate(hooks, sampling->reach, elements, sizeof(dgfem_real));
-    if (!embedding->sample_radius || !embedding->element_centre || !embedding->element_glue ||
-        !embedding->element_box || !embedding->element_reach)
+    if (!embedding->sample_radius || !embedding->element_centre || !embedding->element_glue || !embedding->element_box)
         return 0;
     for (int e = 0; e < mesh->element_count; e++) {
         embedding->element_centre[e] = mesh->elements[e].centre;
@@ -17339,27 +17752,32 @@ static int dgfemi_reuse_disturbs(const dgfemi_reuse *reuse, const dgfem_embeddin
     return 1;
 }
 
-/* Lets go of the weights that elements come or gone and new samples reach. */
-static void dgfemi_reuse_disturb(dgfemi_reuse *reuse, const dgfemi_sampling *sampling, const dgfemi_crowds *crowds) {
+/* Lets go of the weights that elements come or gone and new samples reach. Windows do not shrink: none of those that a
+   kept point's weights come from reaches farther than windows do now. 1 on success, 0 when out of memory. */
+static int dgfemi_reuse_disturb(dgfemi_arena *arena, dgfemi_reuse *reuse, const dgfemi_sampling *sampling,
+                                const dgfemi_crowds *crowds) {
     const dgfem_embedding *old = reuse->old, *embedding = sampling->embedding;
-    int elements = sampling->mesh->element_count;
-    dgfemi_disturbance d;
-    d.from = 0;
+    int elements = sampling->mesh->element_count, count = 0;
+    size_t most = (size_t)elements + (size_t)old->element_count + (size_t)embedding->sample_count;
+    dgfemi_disturbance *d = (dgfemi_disturbance *)dgfemi_arena_allocate(arena, most, sizeof *d);
+    if (!d) return 0;
     for (int e = 0; e < elements; e++) {
         if (reuse->kinship.old_element[e] != DGFEM_NONE) continue;
-        d.lower = sampling->locator->lower[e], d.upper = sampling->locator->upper[e], d.limit = sampling->reach[e];
-        dgfemi_crowds_disturb(crowds, embedding, elements, &d, reuse->keep);
+        d[count].lower = sampling->locator->lower[e], d[count].upper = sampling->locator->upper[e];
+        d[count++].limit = (dgfem_real)HUGE_VAL;
     }
     for (int e = 0; e < old->element_count; e++) {
         if (reuse->kinship.new_element[e] != DGFEM_NONE) continue;
-        d.lower = old->element_box[2 * e], d.upper = old->element_box[2 * e + 1], d.limit = old->element_reach[e];
-        dgfemi_crowds_disturb(crowds, embedding, elements, &d, reuse->keep);
+        d[count].lower = old->element_box[2 * e], d[count].upper = old->element_box[2 * e + 1];
+        d[count++].limit = (dgfem_real)HUGE_VAL;
     }
     for (int s = 0; s < embedding->sample_count; s++) {
         if (!dgfemi_reuse_disturbs(reuse, embedding, s)) continue;
-        d.lower = d.upper = embedding->samples[s], d.limit = sampling->radius[s];
-        dgfemi_crowds_disturb(crowds, embedding, elements, &d, reuse->keep);
+        d[count].lower = d[count].upper = embedding->samples[s];
+        d[count++].limit = sampling->radius[s];
     }
+    dgfemi_crowds_disturb(crowds, sampling, d, count, reuse->keep);
+    return 1;
 }
 
 /* Finds the samples that are the same. 1 on success. */
@@ -17387,10 +17805,10 @@ typedef struct dgfemi_weights {
     char *open;         /* [points] 1: has no weights yet */
 } dgfemi_weights;
 
-/* The query's samples and weights become those of the point. 1 on success. */
-static int dgfemi_weights_append(dgfemi_weights *weights, const dgfemi_query *query, int point) {
-    int needed = weights->used + query->count;
-    if (query->count > INT_MAX - weights->used) return 0;
+/* The weights of a view's i-th point. 1 on success. */
+static int dgfemi_weights_append(dgfemi_weights *weights, const dgfemi_view *view, int i) {
+    int point = view->points[i], first = view->first[i], count = view->count[i], needed = weights->used + count;
+    if (count > INT_MAX - weights->used) return 0;
     if (needed > weights->sample_capacity) {
         void *grown = dgfemi_grow(weights->hooks, weights->sample, &weights->sample_capacity, needed, sizeof(int));
         if (!grown) return 0;
@@ -17402,141 +17820,148 @@ static int dgfemi_weights_append(dgfemi_weights *weights, const dgfemi_query *qu
         if (!grown) return 0;
         weights->weight = (dgfem_real *)grown;
     }
-    memcpy(weights->sample + weights->used, query->sample, (size_t)query->count * sizeof(int));
-    memcpy(weights->weight + weights->used, query->weight, (size_t)query->count * sizeof(dgfem_real));
-    weights->first[point] = weights->used, weights->count[point] = query->count;
+    memcpy(weights->sample + weights->used, view->seen_sample + first, (size_t)count * sizeof(int));
+    memcpy(weights->weight + weights->used, view->weight + first, (size_t)count * sizeof(dgfem_real));
+    weights->first[point] = weights->used, weights->count[point] = count;
     weights->open[point] = 0;
     weights->used = needed;
     return 1;
 }
 
-/* Weighs a point if the samples that reach it, `round` enlargements on, determine the fit; else it stays open. 1 on
-   success, 0 when out of memory. */
-static int dgfemi_weights_try(dgfemi_weights *weights, dgfemi_query *query, int point, int round) {
-    const dgfemi_sampling *sampling = query->sampling;
-    const dgfem_embedding *embedding = sampling->embedding;
-    dgfem_vec3 x = embedding->points[point];
-    int home = embedding->point_element[point], found;
-    dgfemi_fit fit;
-    dgfemi_query_run(query, home, embedding->point_window[point]);
-    found = round >= DGFEM_MAX_ROUNDS ||
-            query->count == sampling->component_samples[sampling->component[home]]; /* there are no more */
-    if (!found && query->count < DGFEM_MIN_POINT_SAMPLES) return 1;
-    dgfemi_query_normalize(query);
-    dgfemi_query_sort(query);
-    dgfemi_query_fit(query, x, &fit);
-    if (!found && round < DGFEM_CONDITION_ROUNDS && !(fit.moment[0] * DGFEM_MAX_CONDITION > fit.moment[2])) return 1;
-    if (dgfemi_fit_is_flat(&fit)) {
-        dgfemi_query_take_element(query, home);
-        dgfemi_query_fit(query, x, &fit);
-    }
-    dgfemi_query_weights(query, &fit, x);
-    return dgfemi_weights_append(weights, query, point);
+/* Views that are worked on at once, by as many threads as there are. */
+enum { DGFEMI_VIEWS = 16 };
+
+typedef struct dgfemi_round {
+    dgfemi_weights *weights;
+    dgfemi_viewer *viewer;
+    int number;    /* how often windows have been enlarged */
+    char *enlarge; /* [samples] 1: around points that are poorly served */
+    int poor;      /* such points */
+    dgfemi_arena arena;
+    dgfemi_view views[DGFEMI_VIEWS];
+    int view_count;
+    int *list; /* [points] open ones, in the order of their elements */
+} dgfemi_round;
+
+static void dgfemi_round_range(void *context, int first, int last) {
+    dgfemi_round *round = (dgfemi_round *)context;
+    for (int i = first; i < last; i++) dgfemi_view_weigh_all(&round->views[i], round->number);
 }
 
-static void dgfemi_mark_samples(const dgfemi_sampling *sampling, int element, char *enlarge) {
-    for (int i = sampling->element_start[element]; i < sampling->element_start[element + 1]; i++)
-        enlarge[sampling->element_sample[i]] = 1;
-}
-
-/* Marks the samples of the elements that the query has visited and of their neighbours. */
-static void dgfemi_query_mark(const dgfemi_query *query, char *enlarge) {
-    const dgfemi_sampling *sampling = query->sampling;
-    for (int i = 0; i < query->visited_count; i++) {
-        int e = query->visited[i];
-        dgfemi_mark_samples(sampling, e, enlarge);
-        for (int k = sampling->neighbour_start[e]; k < sampling->neighbour_start[e + 1]; k++)
-            dgfemi_mark_samples(sampling, sampling->neighbour[k], enlarge);
+/* Marks the samples of the elements in view and of their neighbours. */
+static void dgfemi_round_mark(dgfemi_round *round, const dgfemi_view *view) {
+    const dgfemi_sampling *sampling = round->viewer->sampling;
+    for (int i = 0; i < view->element_count; i++) {
+        int e = view->element[i];
+        for (int k = sampling->neighbour_start[e] - 1; k < sampling->neighbour_start[e + 1]; k++) {
+            int element = k < sampling->neighbour_start[e] ? e : sampling->neighbour[k];
+            for (int j = sampling->element_start[element]; j < sampling->element_start[element + 1]; j++)
+                round->enlarge[sampling->element_sample[j]] = 1;
+        }
     }
 }
 
-static void dgfemi_sampling_enlarge(dgfemi_sampling *sampling, const char *enlarge) {
-    for (int s = 0; s < sampling->embedding->sample_count; s++) {
-        if (!enlarge[s]) continue;
-        sampling->radius[s] *= DGFEM_ENLARGE;
-        dgfemi_sampling_flood(sampling, s);
+/* Weighs the points of all views. 1 on success. */
+static int dgfemi_round_flush(dgfemi_round *round) {
+    int ok = 1;
+    dgfemi_parallel_for(round->weights->hooks, round->view_count, 1, dgfemi_round_range, round);
+    for (int v = 0; v < round->view_count; v++) {
+        const dgfemi_view *view = &round->views[v];
+        int poor = 0;
+        for (int i = 0; ok && i < view->point_count; i++) {
+            if (view->count[i] == DGFEM_NONE) poor++;
+            else ok = dgfemi_weights_append(round->weights, view, i);
+        }
+        if (poor > 0) dgfemi_round_mark(round, view);
+        round->poor += poor;
     }
+    dgfemi_arena_reuse(&round->arena);
+    round->view_count = 0;
+    return ok;
 }
 
-/* Opens the points that enlarged windows reach, and those that see through elements that nothing saw through before. */
+/* Weighs all open points that are well served, or, after the last enlargement, all. 1 on success. */
+static int dgfemi_round_run(dgfemi_round *round, const dgfemi_crowds *crowds) {
+    int ok = 1, used = 0;
+    round->poor = round->view_count = 0;
+    for (int e = 0; ok && e < round->viewer->sampling->mesh->element_count; e++) {
+        int first = used;
+        for (int i = crowds->start[e]; i < crowds->start[e + 1]; i++)
+            if (round->weights->open[crowds->point[i]]) round->list[used++] = crowds->point[i];
+        for (int count; ok && first < used; first += count) {
+            count = used - first < DGFEM_VIEW_POINTS ? used - first : DGFEM_VIEW_POINTS;
+            ok = dgfemi_view_make(&round->arena, round->viewer, e, round->list + first, count,
+                                  &round->views[round->view_count++]);
+            if (ok && round->view_count == DGFEMI_VIEWS) ok = dgfemi_round_flush(round);
+        }
+    }
+    ok = ok && dgfemi_round_flush(round);
+    dgfemi_arena_free(&round->arena);
+    return ok;
+}
+
+/* Opens the points that enlarged windows reach; radius: what they were. */
 static void dgfemi_weights_reopen(dgfemi_weights *weights, const dgfemi_sampling *sampling, const dgfemi_crowds *crowds,
-                                  const dgfem_real *radius, const dgfem_real *reach, dgfemi_reuse *reuse, char *calm) {
+                                  const dgfem_real *radius, dgfemi_disturbance *d, dgfemi_reuse *reuse, char *calm) {
     const dgfem_embedding *embedding = sampling->embedding;
-    int elements = sampling->mesh->element_count;
-    dgfemi_disturbance d;
+    int count = 0;
     memset(calm, 1, (size_t)embedding->point_count);
     for (int s = 0; s < embedding->sample_count; s++) {
         if (!(sampling->radius[s] > radius[s])) continue;
-        d.lower = d.upper = embedding->samples[s], d.from = 0, d.limit = sampling->radius[s];
-        dgfemi_crowds_disturb(crowds, embedding, elements, &d, calm);
+        d[count].lower = d[count].upper = embedding->samples[s];
+        d[count++].limit = sampling->radius[s];
     }
-    for (int e = 0; e < elements; e++) {
-        if (!(sampling->reach[e] > reach[e])) continue;
-        d.lower = sampling->locator->lower[e], d.upper = sampling->locator->upper[e];
-        d.from = reach[e], d.limit = sampling->reach[e];
-        dgfemi_crowds_disturb(crowds, embedding, elements, &d, calm);
-    }
+    dgfemi_crowds_disturb(crowds, sampling, d, count, calm);
     for (int p = 0; p < embedding->point_count; p++)
         if (!calm[p]) weights->open[p] = 1, reuse->keep[p] = 0;
 }
 
 /* Weighs all open points. Enlarges the windows of the samples around poorly served ones, once per round, until all are
    served; then points that the larger windows reach are weighed again. 1 on success. */
-static int dgfemi_weights_make(dgfemi_arena *arena, dgfemi_weights *weights, dgfemi_query *query,
+static int dgfemi_weights_make(dgfemi_arena *arena, dgfemi_weights *weights, dgfemi_sampling *sampling,
                                const dgfemi_crowds *crowds, dgfemi_reuse *reuse) {
-    dgfemi_sampling *sampling = query->sampling;
     const dgfem_embedding *embedding = sampling->embedding;
-    size_t samples = (size_t)embedding->sample_count, elements = (size_t)sampling->mesh->element_count;
+    size_t samples = (size_t)embedding->sample_count, points = (size_t)embedding->point_count;
     dgfem_real *radius = (dgfem_real *)dgfemi_arena_allocate(arena, samples, sizeof(dgfem_real));
-    dgfem_real *reach = (dgfem_real *)dgfemi_arena_allocate(arena, elements, sizeof(dgfem_real));
+    dgfemi_disturbance *d = (dgfemi_disturbance *)dgfemi_arena_allocate(arena, samples, sizeof *d);
+    dgfemi_round *round = (dgfemi_round *)dgfemi_arena_allocate_zero(arena, 1, sizeof *round);
     char *enlarge = (char *)dgfemi_arena_allocate(arena, samples, 1);
-    char *calm = (char *)dgfemi_arena_allocate(arena, (size_t)embedding->point_count, 1);
-    int round = 0;
-    if (!radius || !reach || !enlarge || !calm) return 0;
+    char *calm = (char *)dgfemi_arena_allocate(arena, points, 1);
+    int *list = (int *)dgfemi_arena_allocate(arena, points, sizeof(int));
+    dgfemi_viewer viewer;
+    if (!radius || !d || !round || !enlarge || !calm || !list) return 0;
+    if (!dgfemi_viewer_make(arena, sampling, &viewer)) return 0;
     memcpy(radius, sampling->radius, samples * sizeof(dgfem_real));
-    memcpy(reach, sampling->reach, elements * sizeof(dgfem_real));
-    for (; round < DGFEM_MAX_ROUNDS; round++) {
-        int poor = 0;
+    round->weights = weights, round->viewer = &viewer, round->enlarge = enlarge, round->list = list;
+    round->arena = dgfemi_arena_make(weights->hooks);
+    for (; round->number < DGFEM_MAX_ROUNDS; round->number++) {
         memset(enlarge, 0, samples);
-        for (int p = 0; p < embedding->point_count; p++) {
-            if (!weights->open[p]) continue;
-            if (!dgfemi_weights_try(weights, query, p, round)) return 0;
-            if (!weights->open[p]) continue;
-            poor++;
-            dgfemi_query_mark(query, enlarge);
-        }
-        if (poor == 0) break;
-        dgfemi_sampling_enlarge(sampling, enlarge);
+        if (!dgfemi_round_run(round, crowds)) return 0;
+        if (round->poor == 0) break;
+        for (size_t s = 0; s < samples; s++)
+            if (enlarge[s]) sampling->radius[s] *= DGFEM_ENLARGE;
+        dgfemi_sampling_spread(sampling);
     }
-    if (round == 0) return 1;
-    dgfemi_weights_reopen(weights, sampling, crowds, radius, reach, reuse, calm);
-    for (int p = 0; p < embedding->point_count; p++)
-        if (weights->open[p] && !dgfemi_weights_try(weights, query, p, DGFEM_MAX_ROUNDS)) return 0;
-    return 1;
+    if (round->number == 0) return 1;
+    dgfemi_weights_reopen(weights, sampling, crowds, radius, d, reuse, calm);
+    round->number = DGFEM_MAX_ROUNDS;
+    return dgfemi_round_run(round, crowds);
 }
 
-/* The old weights of a point; sorted in the query, whose samples may number as many. */
-static void dgfemi_reuse_weights(const dgfemi_reuse *reuse, int point, dgfemi_query *query, int *samples,
-                                 dgfem_real *weights) {
+/* The old weights of a point, with the samples in ascending order again: most are already. */
+static void dgfemi_reuse_weights(const dgfemi_reuse *reuse, int point, int *samples, dgfem_real *weights) {
     const dgfem_embedding *old = reuse->old;
-    int first = old->weight_start[point], count = old->weight_start[point + 1] - first, sorted = 1;
-    memcpy(weights, old->weight + first, (size_t)count * sizeof(dgfem_real));
+    int first = old->weight_start[point], count = old->weight_start[point + 1] - first;
     for (int i = 0; i < count; i++) {
-        samples[i] = reuse->new_sample[old->weight_sample[first + i]];
-        if (i > 0 && samples[i] < samples[i - 1]) sorted = 0;
+        int sample = reuse->new_sample[old->weight_sample[first + i]], j = i;
+        for (; j > 0 && samples[j - 1] > sample; j--) samples[j] = samples[j - 1], weights[j] = weights[j - 1];
+        samples[j] = sample, weights[j] = old->weight[first + i];
     }
-    if (sorted) return;
-    query->count = count;
-    memcpy(query->sample, samples, (size_t)count * sizeof(int));
-    memcpy(query->theta, weights, (size_t)count * sizeof(dgfem_real));
-    dgfemi_query_sort(query);
-    memcpy(samples, query->sample, (size_t)count * sizeof(int));
-    memcpy(weights, query->theta, (size_t)count * sizeof(dgfem_real));
 }
 
 /* All points' weights, kept or new, in the order of the points. 1 on success. */
-static int dgfemi_embedding_gather(dgfem_embedding *embedding, const dgfemi_weights *weights, const dgfemi_reuse *reuse,
-                                   dgfemi_query *query) {
+static int dgfemi_embedding_gather(dgfem_embedding *embedding, const dgfemi_weights *weights,
+                                   const dgfemi_reuse *reuse) {
     int total = 0;
     for (int p = 0; p < embedding->point_count; p++) {
         int count = reuse->keep[p] ? reuse->old->weight_start[p + 1] - reuse->old->weight_start[p] : weights->count[p];
@@ -17552,7 +17977,7 @@ static int dgfemi_embedding_gather(dgfem_embedding *embedding, const dgfemi_weig
         int *samples = embedding->weight_sample + embedding->weight_start[p];
         dgfem_real *values = embedding->weight + embedding->weight_start[p];
         if (reuse->keep[p]) {
-            dgfemi_reuse_weights(reuse, p, query, samples, values);
+            dgfemi_reuse_weights(reuse, p, samples, values);
             continue;
         }
         memcpy(samples, weights->sample + weights->first[p], (size_t)weights->count[p] * sizeof(int));
@@ -17563,7 +17988,7 @@ static int dgfemi_embedding_gather(dgfem_embedding *embedding, const dgfemi_weig
 
 /* Weights of all points that do not keep theirs. 1 on success, 0 when out of memory. */
 static int dgfemi_embedding_weigh(dgfemi_arena *arena, dgfem_embedding *embedding, dgfemi_sampling *sampling,
-                                  dgfemi_query *query, dgfemi_reuse *reuse) {
+                                  dgfemi_reuse *reuse) {
     size_t points = (size_t)embedding->point_count;
     dgfemi_crowds crowds;
     dgfemi_weights weights;
@@ -17578,11 +18003,11 @@ static int dgfemi_embedding_weigh(dgfemi_arena *arena, dgfem_embedding *embeddin
     if (reuse->old) {
         for (int p = 0; p < embedding->point_count && p < reuse->old->point_count; p++)
             reuse->keep[p] = (char)dgfemi_reuse_is_same(reuse, embedding, p);
-        dgfemi_reuse_disturb(reuse, sampling, &crowds);
+        if (!dgfemi_reuse_disturb(arena, reuse, sampling, &crowds)) return 0;
     }
     for (int p = 0; p < embedding->point_count; p++) weights.open[p] = !reuse->keep[p];
-    ok = dgfemi_weights_make(arena, &weights, query, &crowds, reuse) &&
-         dgfemi_embedding_gather(embedding, &weights, reuse, query);
+    ok = dgfemi_weights_make(arena, &weights, sampling, &crowds, reuse) &&
+         dgfemi_embedding_gather(embedding, &weights, reuse);
     dgfemi_free(&embedding->hooks, weights.sample);
     dgfemi_free(&embedding->hooks, weights.weight);
     return ok;
@@ -17619,29 +18044,26 @@ static int dgfemi_embedding_build(dgfemi_arena *arena, const dgfem_body *body, c
     dgfemi_places found;
     dgfemi_reuse reuse;
     dgfemi_sampling sampling;
-    dgfemi_query query;
     memset(&reuse, 0, sizeof reuse);
     reuse.old = old;
     reuse.keep = (char *)dgfemi_arena_allocate_zero(arena, points, 1);
+    if (places) found = *places;
+    else if (!dgfemi_locator_make(arena, body->mesh, &locator) ||
+             !dgfemi_places_allocate(arena, embedding->point_count, &locator, &found))
+        return 0;
     if (!reuse.keep || !dgfemi_embedding_choose_samples(arena, embedding, body, corners) ||
-        !dgfemi_locator_make(arena, body->mesh, &locator) ||
-        !dgfemi_sampling_make(arena, body->mesh, embedding, &locator, &sampling) ||
-        !dgfemi_query_make(arena, &sampling, &query) ||
+        !dgfemi_sampling_make(arena, body->mesh, embedding, found.locator, &sampling) ||
         (old && !dgfemi_kinship_make(arena, body->mesh, old, &reuse.kinship)) ||
         (old && !dgfemi_reuse_make(arena, &reuse, &sampling)))
         return 0;
-    if (places) {
-        found = *places;
-    } else {
-        if (!dgfemi_places_allocate(arena, embedding->point_count, &found)) return 0;
-        dgfemi_places_find(&locator, embedding->points, anchors, embedding->point_count, old, &reuse.kinship, &found);
-    }
+    if (!places)
+        dgfemi_places_find(embedding->points, anchors, embedding->point_count, old, &reuse.kinship, &found);
     if (points > 0) {
         memcpy(embedding->point_element, found.element, points * sizeof(int));
         memcpy(embedding->point_window, found.window, points * sizeof(dgfem_vec3));
     }
-    dgfemi_sampling_update_reach(&sampling);
-    return dgfemi_embedding_weigh(arena, embedding, &sampling, &query, &reuse) &&
+    dgfemi_sampling_spread(&sampling);
+    return dgfemi_embedding_weigh(arena, embedding, &sampling, &reuse) &&
            dgfemi_embedding_sign(embedding, &sampling);
 }
 
@@ -17664,7 +18086,6 @@ DGFEM_API void dgfem_embedding_destroy(dgfem_embedding *embedding) {
     dgfemi_free(&hooks, embedding->element_centre);
     dgfemi_free(&hooks, embedding->element_glue);
     dgfemi_free(&hooks, embedding->element_box);
-    dgfemi_free(&hooks, embedding->element_reach);
     dgfemi_free(&hooks, embedding);
 }
 
@@ -18620,6 +19041,13 @@ static void dgfemi_assemble_mass(const dgfem_body *body, dgfem_real s, dgfem_mat
     }
 }
 
+static double dgfemi_total_mass(const dgfem_body *body) {
+    double mass = 0;
+    for (int e = 0; e < body->mesh->element_count; e++)
+        mass += (double)(body->material[e].density * dgfemi_form_mass(body->forms, e)[0]);
+    return mass;
+}
+
 /* v . M v */
 static double dgfemi_mass_norm(const dgfem_body *body, const dgfem_vec3 *v) {
     double norm = 0;
@@ -18735,7 +19163,7 @@ static dgfem_real dgfemi_elastic_energy(const dgfem_body *body, const dgfem_mat3
 
 /* ==== step_solver.c =============================================================================================== */
 
-/* The linear system of a time step, solved for the velocities by conjugate gradients with an earlier factorization.
+/* The linear system of a time step, solved for the velocities by conjugate gradients.
 
    Warping turns the stiffness of an element and hardly changes it otherwise. So the matrix A0 that an earlier step
    factored, turned with the elements, is near today's matrix A. With T the rotations of all elements since then,
@@ -18743,35 +19171,59 @@ static dgfem_real dgfemi_elastic_energy(const dgfem_body *body, const dgfem_mat3
        P = T A0 T^T,   P^-1 r = T (A0^-1 (T^T r)),
 
    and conjugate gradients preconditioned by P need one to three iterations, until neighbours have turned much against
-   each other or contact has changed much. The iteration starts from the velocity of now, moved along its change in the
-   last step so far as lowers the error's energy most. At the end the error that is left is made orthogonal to
-   translations of each piece: what falls keeps its momentum to round-off, however coarse the tolerance.
+   each other or contact has changed much. As long as there is no factorization, as after a cut, Gauss-Seidel sweeps are
+   the preconditioner (ssor.c): they need ten times the iterations, but nothing is to be made for them.
 
-   When to factor again is a choice between rent and purchase: the iterations beyond the first of each step are paid
-   until they have cost as much as a factorization, then that is bought. So no step sequence costs more than twice what
-   the better choice would have. Both are counted in operations, not measured, so that runs repeat bit for bit. */
+   The iteration starts from the velocity of now, moved along its change in the last step so far as lowers the error's
+   energy most. At the end the error that is left is made orthogonal to translations of each piece: what falls keeps its
+   momentum to round-off, however coarse the tolerance.
+
+   When to factor (again) is a choice between rent and purchase: iterations with sweeps, and those with a factorization
+   beyond the first of each step, are paid until they have cost as much as a factorization; then that is bought. So no
+   sequence of steps costs much more than twice what the better choice would have. Where a factorization has soon become
+   useless, as when elements snap through, the price counts double the next time. Work is counted in operations, not
+   measured, so that runs repeat bit for bit. */
 
 struct dgfem_step_solver {
-    int is_factored;         /* the body's factor is of the matrix of an earlier step */
-    double factor_work;      /* of a factorization, */
-    double iteration_work;   /* and of an iteration, in operations at the speed of an iteration */
-    double rent;             /* work of iterations beyond each step's first since the factorization */
-    dgfem_mat3 *rotation;    /* [elements] at the factorization */
-    dgfem_mat3 *turn;        /* [elements] from then to now */
-    dgfem_vec3 *change;      /* [basis functions] of the velocity in the last step; zero at first */
-    dgfem_real *vectors;     /* [DGFEMI_STEP_VECTORS * unknowns] */
-    int *piece;              /* [elements] the piece each belongs to: elements connected by glue */
+    int is_factored;        /* the body's factor is of the matrix of an earlier step */
+    double factor_work;     /* of a factorization, in operations at the speed of an iteration, */
+    double solve_work;      /* of an iteration with it, */
+    double sweep_work;      /* and of one with sweeps */
+    double rent;            /* paid since the last factorization or since it was given up */
+    double price;           /* in factorizations: 1, or more where they have not lasted */
+    int age;                /* steps since the factorization */
+    dgfem_mat3 *rotation;   /* [elements] at the factorization */
+    dgfem_mat3 *turn;       /* [elements] from then to now */
+    dgfem_vec3 *change;     /* [basis functions] of the velocity in the last step; zero at first */
+    dgfem_real *vectors;    /* [DGFEMI_STEP_VECTORS * unknowns] */
+    dgfem_real *inverse;    /* of the diagonal blocks */
+    int *piece;             /* [elements] the piece each belongs to: elements connected by glue */
     int piece_count;
-    dgfem_real *gram;        /* [9 * pieces] A, restricted to translations of a piece */
-    dgfem_vec3 *imbalance;   /* [pieces] the residual, likewise */
+    dgfem_real *gram;       /* [9 * pieces] A, restricted to translations of a piece */
+    dgfem_vec3 *imbalance;  /* [pieces] the residual, likewise */
 };
 
-/* Work vectors: those of the iteration, the residual turned back to A0, and 1 / (diagonal of A). */
-enum { DGFEMI_STEP_R, DGFEMI_STEP_Z, DGFEMI_STEP_P, DGFEMI_STEP_Q, DGFEMI_STEP_TURNED, DGFEMI_STEP_WEIGHT,
-       DGFEMI_STEP_VECTORS };
+/* Work vectors: residual, P^-1 residual, direction, A direction; the residual turned back to A0, or a sweep's other
+   half; 1 / (diagonal of A). */
+enum {
+    DGFEMI_STEP_R,
+    DGFEMI_STEP_Z,
+    DGFEMI_STEP_P,
+    DGFEMI_STEP_Q,
+    DGFEMI_STEP_TURNED,
+    DGFEMI_STEP_WEIGHT,
+    DGFEMI_STEP_VECTORS
+};
 
 /* Dense kernels of a factorization are so much faster than solves, which wait for memory. */
 #define DGFEM_FACTOR_SPEED 8.
+/* A factorization that lasted for fewer steps was not worth its price. */
+#define DGFEM_SHORT_LIFE 4
+#define DGFEM_HIGHEST_PRICE 64.
+/* A factorization that costs no more than so many iterations with sweeps is made at once. */
+#define DGFEM_FEW_SWEEPS 12.
+
+/* ---- creation ---- */
 
 static void dgfemi_step_solver_destroy(dgfem_step_solver *solver, const dgfem_hooks *hooks) {
     if (!solver) return;
@@ -18779,6 +19231,7 @@ static void dgfemi_step_solver_destroy(dgfem_step_solver *solver, const dgfem_ho
     dgfemi_free(hooks, solver->turn);
     dgfemi_free(hooks, solver->change);
     dgfemi_free(hooks, solver->vectors);
+    dgfemi_free(hooks, solver->inverse);
     dgfemi_free(hooks, solver->piece);
     dgfemi_free(hooks, solver->gram);
     dgfemi_free(hooks, solver->imbalance);
@@ -18798,9 +19251,14 @@ static int dgfemi_step_solver_find_pieces(dgfem_step_solver *solver, const dgfem
     return solver->gram && solver->imbalance;
 }
 
+/* Numbers stored in the matrix. */
+static double dgfemi_matrix_entries(const dgfem_matrix *matrix) {
+    return (double)matrix->value_start[matrix->row_start[matrix->block_count]];
+}
+
 /* NULL when out of memory. */
 static dgfem_step_solver *dgfemi_step_solver_create(const dgfem_mesh *mesh, const dgfem_matrix *matrix,
-                                                    const dgfem_cholesky *cholesky, const dgfem_hooks *hooks) {
+                                                    const dgfem_hooks *hooks) {
     dgfem_step_solver *solver = (dgfem_step_solver *)dgfemi_allocate_zero(hooks, 1, sizeof *solver);
     size_t elements = (size_t)matrix->block_count, size = (size_t)matrix->size;
     if (!solver) return NULL;
@@ -18808,22 +19266,76 @@ static dgfem_step_solver *dgfemi_step_solver_create(const dgfem_mesh *mesh, cons
     solver->turn = (dgfem_mat3 *)dgfemi_allocate(hooks, elements, sizeof(dgfem_mat3));
     solver->change = (dgfem_vec3 *)dgfemi_allocate_zero(hooks, size / 3, sizeof(dgfem_vec3));
     solver->vectors = (dgfem_real *)dgfemi_allocate(hooks, DGFEMI_STEP_VECTORS * size, sizeof(dgfem_real));
-    if (!solver->rotation || !solver->turn || !solver->change || !solver->vectors ||
+    solver->inverse = (dgfem_real *)dgfemi_allocate(hooks, dgfemi_diagonal_size(matrix), sizeof(dgfem_real));
+    if (!solver->rotation || !solver->turn || !solver->change || !solver->vectors || !solver->inverse ||
         !dgfemi_step_solver_find_pieces(solver, mesh, hooks)) {
         dgfemi_step_solver_destroy(solver, hooks);
         return NULL;
     }
-    solver->factor_work = cholesky->factor_flops / DGFEM_FACTOR_SPEED;
-    solver->iteration_work =
-        4 * (cholesky->factor_entries + (double)matrix->value_start[matrix->row_start[elements]]);
+    solver->price = 1;
+    solver->sweep_work = 5 * dgfemi_matrix_entries(matrix);
     return solver;
 }
 
-static dgfem_real *dgfemi_step_vector(const dgfem_step_solver *solver, const dgfem_matrix *matrix, int k) {
-    return solver->vectors + (size_t)k * (size_t)matrix->size;
+/* Symbolic analysis of the body's matrix, if there is none. */
+static dgfem_status dgfemi_analyse_body(dgfem_body *body) {
+    dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
+    if (body->cholesky) return DGFEM_OK;
+    desc.hooks = body->hooks;
+    desc.hooks.log = NULL; /* the creating functions leave the line for DGFEM_ERROR_MEMORY to their callers */
+    dgfem_status status = dgfem_cholesky_create(body->matrix, &desc, &body->cholesky);
+    if (status == DGFEM_ERROR_MEMORY) return status;
+    if (status) return dgfemi_fail(&body->hooks, status, "Cholesky factor of %d elements", body->mesh->element_count);
+    body->cholesky->hooks.log = body->hooks.log;
+    if (!body->step_solver) return DGFEM_OK;
+    body->step_solver->factor_work = body->cholesky->factor_flops / DGFEM_FACTOR_SPEED;
+    body->step_solver->solve_work =
+        4 * (body->cholesky->factor_entries + dgfemi_matrix_entries(body->matrix));
+    return DGFEM_OK;
 }
 
-/* ---- the preconditioner ---- */
+/* ---- the error of the velocities ---- */
+
+/* The speed of a velocity field, as the root of its mean square over the mass. */
+static double dgfemi_mean_speed(const dgfem_body *body, const dgfem_real *v) {
+    return sqrt(dgfemi_mass_norm(body, (const dgfem_vec3 *)(const void *)v) / dgfemi_total_mass(body));
+}
+
+/* What a velocity's error is measured by: the mean speed, or a hundredth of an element's radius in a step if that is
+   more. So a body comes to rest. */
+static double dgfemi_reference_speed(const dgfem_body *body, dgfem_real h, const dgfem_real *v) {
+    double radius = 0;
+    for (int e = 0; e < body->mesh->element_count; e++) radius += (double)body->scale[e];
+    double speed = dgfemi_mean_speed(body, v), least = 0.01 * radius / body->mesh->element_count / (double)h;
+    return speed > least ? speed : least;
+}
+
+/* The last few iterations, of which the error that is left is estimated (Hestenes and Stiefel, Strakos and Tichy):
+   in the norm of A, which is above that of the mass and here close to it, the error's square falls by step * rho in each
+   iteration; what is still to come is as a geometric series, with the ratio at which a norm of the residual falls. */
+enum { DGFEM_LOOK_BACK = 4 };
+typedef struct dgfemi_progress {
+    int count;
+    double energy[DGFEM_LOOK_BACK];   /* step * rho of the last iterations, in a ring */
+    double residual[DGFEM_LOOK_BACK]; /* at the beginning of each of them */
+} dgfemi_progress;
+
+/* After one more iteration; the error as a mean speed. */
+static double dgfemi_estimate_error(dgfemi_progress *progress, double energy, double before, double after,
+                                    double mass) {
+    const double slowest = 0.97;
+    int slot = progress->count++ % DGFEM_LOOK_BACK;
+    progress->energy[slot] = energy;
+    progress->residual[slot] = before;
+    int known = progress->count < DGFEM_LOOK_BACK ? progress->count : DGFEM_LOOK_BACK;
+    int oldest = (progress->count - known) % DGFEM_LOOK_BACK;
+    double sum = 0, ratio = after / progress->residual[oldest], limit = pow(slowest, known);
+    for (int i = 0; i < known; i++) sum += progress->energy[i];
+    if (!(ratio < limit)) ratio = limit;
+    return sqrt(sum / mass) * ratio / sqrt(1 - ratio * ratio);
+}
+
+/* ---- with a factorization ---- */
 
 /* to = T from, or T^T from */
 static void dgfemi_turn_elements(const dgfem_body *body, int transposed, const dgfem_real *from, dgfem_real *to) {
@@ -18836,39 +19348,25 @@ static void dgfemi_turn_elements(const dgfem_body *body, int transposed, const d
     }
 }
 
+static dgfem_real *dgfemi_step_vector(const dgfem_body *body, int k) {
+    return body->step_solver->vectors + (size_t)k * (size_t)body->matrix->size;
+}
+
 static void dgfemi_apply_factor(void *context, const dgfem_real *r, dgfem_real *z) {
     const dgfem_body *body = (const dgfem_body *)context;
-    dgfem_real *turned = dgfemi_step_vector(body->step_solver, body->matrix, DGFEMI_STEP_TURNED);
+    dgfem_real *turned = dgfemi_step_vector(body, DGFEMI_STEP_TURNED);
     dgfemi_turn_elements(body, 1, r, turned);
     dgfemi_solve(body->cholesky, 1, turned, turned);
     dgfemi_turn_elements(body, 0, turned, z);
 }
 
-static void dgfemi_find_turns(dgfem_body *body, const dgfem_mat3 *rotation) {
+static void dgfemi_find_turns(const dgfem_body *body, const dgfem_mat3 *rotation) {
     dgfem_step_solver *solver = body->step_solver;
     for (int e = 0; e < body->mesh->element_count; e++) {
         dgfem_mat3 back = dgfemi_transposed(&solver->rotation[e]);
         solver->turn[e] = dgfemi_multiply3(&rotation[e], &back);
     }
 }
-
-static dgfem_status dgfemi_factor_step(dgfem_body *body, const dgfem_mat3 *rotation, dgfem_step_info *info) {
-    dgfem_step_solver *solver = body->step_solver;
-    double start = dgfemi_clock(&body->hooks);
-    dgfem_cholesky_info factor;
-    solver->is_factored = 0;
-    dgfem_status status = dgfem_cholesky_factor(body->cholesky, body->matrix, &factor);
-    info->seconds_factor += dgfemi_clock(&body->hooks) - start;
-    info->failed_element = factor.failed_block;
-    info->factorizations++;
-    if (status) return status;
-    memcpy(solver->rotation, rotation, (size_t)body->mesh->element_count * sizeof *rotation);
-    solver->is_factored = 1;
-    solver->rent = 0;
-    return DGFEM_OK;
-}
-
-/* ---- iteration ---- */
 
 static void dgfemi_weigh_by_diagonal(const dgfem_matrix *matrix, dgfem_real *weight) {
     for (int r = 0; r < matrix->block_count; r++) {
@@ -18885,57 +19383,72 @@ static double dgfemi_weighted_norm(int count, const dgfem_real *weight, const dg
     return sqrt(sum);
 }
 
-/* The speed of a velocity field, as the root of its mean square over the mass. */
-static double dgfemi_mean_speed(const dgfem_body *body, const dgfem_real *v) {
-    double mass = 0;
-    for (int e = 0; e < body->mesh->element_count; e++)
-        mass += (double)(body->material[e].density * dgfemi_form_mass(body->forms, e)[0]);
-    return sqrt(dgfemi_mass_norm(body, (const dgfem_vec3 *)(const void *)v) / mass);
-}
-
-/* What a velocity's error is measured by: the mean speed, or a hundredth of an element's radius in a step if that is
-   more. So a body comes to rest. */
-static double dgfemi_reference_speed(const dgfem_body *body, dgfem_real h, const dgfem_real *v) {
-    double radius = 0;
-    for (int e = 0; e < body->mesh->element_count; e++) radius += (double)body->scale[e];
-    double speed = dgfemi_mean_speed(body, v), least = 0.01 * radius / body->mesh->element_count / (double)h;
-    return speed > least ? speed : least;
-}
-
-/* Moves x along the velocity's last change, so far as lowers the error's energy most. */
-static void dgfemi_extrapolate(const dgfem_body *body, dgfemi_pcg *cg) {
-    memcpy(cg->p, body->step_solver->change, (size_t)cg->matrix->size * sizeof *cg->p);
-    double descent = dgfemi_vector_dot(cg->matrix->size, cg->p, cg->r);
-    if (descent != 0) (void)dgfemi_pcg_advance(cg, descent);
-}
-
-/* Iterates until the error of x, as a mean speed, is below `target`, but at most `limit` times. The error is estimated
-   from the last change of x, continued as a geometric series by the ratio at which the residual has shrunk of late.
-   Returns 1 when x is good enough, 0 at the limit or on breakdown. */
-static int dgfemi_iterate_step(const dgfem_body *body, dgfemi_pcg *cg, double target, int limit,
-                               dgfem_step_info *info) {
-    enum { MEMORY = 4 };
-    const double slowest = 0.97;
-    const dgfem_real *weight = dgfemi_step_vector(body->step_solver, cg->matrix, DGFEMI_STEP_WEIGHT);
-    double history[MEMORY], last = 0;
-    history[0] = dgfemi_weighted_norm(cg->matrix->size, weight, cg->r);
-    if (history[0] == 0) return 1;
-    for (int k = 1; k <= limit; k++) {
-        int back = k < MEMORY ? k : MEMORY;
+/* Iterates until the error of x, as a mean speed, is below `target`, but at most `limit` times. Returns 1 when it is, 0
+   at the limit or on breakdown. *error is the last estimate. */
+static int dgfemi_iterate_with_factor(const dgfem_body *body, dgfemi_pcg *cg, double target, int limit, int *iterations,
+                                      double *error) {
+    int size = cg->matrix->size;
+    dgfem_real *weight = dgfemi_step_vector(body, DGFEMI_STEP_WEIGHT);
+    double mass = dgfemi_total_mass(body), last = 0;
+    dgfemi_progress progress;
+    progress.count = 0;
+    dgfemi_weigh_by_diagonal(cg->matrix, weight);
+    double residual = dgfemi_weighted_norm(size, weight, cg->r);
+    *error = 0;
+    if (residual == 0) return 1;
+    for (int k = 0; k < limit; k++) {
+        double before = residual;
         if (!dgfemi_pcg_turn(cg, last) || !dgfemi_pcg_advance(cg, cg->rho)) return 0;
-        info->iterations++;
-        double residual = dgfemi_weighted_norm(cg->matrix->size, weight, cg->r);
-        double ratio = pow(residual / history[(k - back) % MEMORY], 1. / back);
-        if (!(ratio < slowest)) ratio = slowest;
-        double error = (double)dgfemi_abs(cg->step) * dgfemi_mean_speed(body, cg->p) * ratio / (1 - ratio);
-        if (!(error - error == 0)) return 0;
-        info->residual = (dgfem_real)(error / target) * body->desc.velocity_tolerance;
-        if (error <= target) return 1;
-        history[k % MEMORY] = residual;
+        ++*iterations;
+        residual = dgfemi_weighted_norm(size, weight, cg->r);
+        *error = dgfemi_estimate_error(&progress, (double)cg->step * cg->rho, before, residual, mass);
+        if (*error <= target) return 1;
         last = cg->rho;
     }
     return 0;
 }
+
+/* ---- with sweeps ---- */
+
+/* The same with P of ssor.c; r is the residual of x before and after. */
+static int dgfemi_iterate_with_sweeps(const dgfem_body *body, dgfemi_pcg *cg, double target, int limit, int *iterations,
+                                      double *error) {
+    int size = cg->matrix->size;
+    dgfem_real *t = dgfemi_step_vector(body, DGFEMI_STEP_TURNED);
+    double mass = dgfemi_total_mass(body), rho;
+    dgfemi_progress progress;
+    dgfemi_ssor sweeps;
+    sweeps.matrix = cg->matrix;
+    sweeps.kernels = dgfemi_product_kernels();
+    sweeps.inverse = body->step_solver->inverse;
+    progress.count = 0;
+    *error = 0;
+    if (dgfemi_invert_diagonal(cg->matrix, sweeps.inverse) != DGFEM_NONE) return 0;
+    dgfemi_ssor_forward(&sweeps, cg->r);
+    dgfemi_ssor_diagonal(&sweeps, cg->r, cg->z);
+    rho = dgfemi_vector_dot(size, cg->r, cg->z);
+    memcpy(cg->p, cg->z, (size_t)size * sizeof *cg->p);
+    if (rho == 0) return 1;
+    for (int k = 0; k < limit; k++) {
+        double last = rho;
+        dgfemi_ssor_backward(&sweeps, cg->p, t, cg->q);
+        dgfemi_ssor_forward(&sweeps, cg->q);
+        dgfemi_vector_add(size, 1, t, cg->q);
+        double curvature = dgfemi_vector_dot(size, cg->p, cg->q), step = rho / curvature;
+        if (!(curvature > 0) || !(step > 0) || !(step - step == 0)) return 0;
+        ++*iterations;
+        dgfemi_vector_add(size, (dgfem_real)step, t, cg->x);
+        dgfemi_vector_add(size, (dgfem_real)-step, cg->q, cg->r);
+        dgfemi_ssor_diagonal(&sweeps, cg->r, cg->z);
+        rho = dgfemi_vector_dot(size, cg->r, cg->z);
+        *error = dgfemi_estimate_error(&progress, step * last, sqrt(last), sqrt(rho), mass);
+        if (*error <= target) return 1;
+        dgfemi_vector_scale_add(size, cg->z, (dgfem_real)(rho / last), cg->p);
+    }
+    return 0;
+}
+
+/* ---- pieces ---- */
 
 /* A on the translations of each piece: the functions number 0 are 1 in their elements. */
 static void dgfemi_gather_gram(const dgfem_body *body) {
@@ -18957,10 +19470,11 @@ static void dgfemi_gather_gram(const dgfem_body *body) {
 }
 
 /* Moves each piece as a whole so that the residual has no resultant. */
-static void dgfemi_balance_pieces(const dgfem_body *body, const dgfemi_pcg *cg) {
+static void dgfemi_balance_pieces(const dgfem_body *body, dgfemi_pcg *cg) {
     dgfem_step_solver *solver = body->step_solver;
     dgfem_vec3 *x = (dgfem_vec3 *)(void *)cg->x;
     const dgfem_vec3 *r = (const dgfem_vec3 *)(const void *)cg->r;
+    dgfemi_pcg_residual(cg);
     dgfemi_gather_gram(body);
     memset(solver->imbalance, 0, (size_t)solver->piece_count * sizeof *solver->imbalance);
     for (int e = 0; e < body->mesh->element_count; e++) {
@@ -18978,45 +19492,112 @@ static void dgfemi_balance_pieces(const dgfem_body *body, const dgfemi_pcg *cg) 
     }
 }
 
-/* Solves matrix * v = rhs for the velocities at the end of a step of length h; v holds those at its beginning.
-   `rotation` are the elements' rotations that the matrix was assembled with. */
-static dgfem_status dgfemi_solve_step(dgfem_body *body, dgfem_real h, const dgfem_mat3 *rotation,
-                                      const dgfem_real *rhs, dgfem_real *v, dgfem_step_info *info) {
+/* ---- the whole ---- */
+
+/* Factors the matrix, or logs why not. */
+static dgfem_status dgfemi_factor_step(dgfem_body *body, const dgfem_mat3 *rotation, dgfem_step_info *info) {
     dgfem_step_solver *solver = body->step_solver;
-    const dgfem_matrix *matrix = body->matrix;
-    double factor_before = info->seconds_factor, start = dgfemi_clock(&body->hooks);
-    double target = (double)body->desc.velocity_tolerance * dgfemi_reference_speed(body, h, v);
-    double affordable = solver->factor_work / solver->iteration_work;
-    int limit = affordable < 1000 ? 2 + (int)affordable : 1000, good = 0;
+    double start = dgfemi_clock(&body->hooks);
+    dgfem_cholesky_info factor;
+    solver->is_factored = 0;
+    dgfem_status status = dgfemi_analyse_body(body);
+    if (status) return status == DGFEM_ERROR_MEMORY ? dgfemi_fail_memory(&body->hooks) : status;
+    status = dgfem_cholesky_factor(body->cholesky, body->matrix, &factor);
+    info->seconds_factor += dgfemi_clock(&body->hooks) - start;
+    info->failed_element = factor.failed_block;
+    info->factorizations++;
+    if (status) return status;
+    memcpy(solver->rotation, rotation, (size_t)body->mesh->element_count * sizeof *rotation);
+    solver->is_factored = 1;
+    solver->rent = 0;
+    solver->age = 0;
+    return DGFEM_OK;
+}
+
+/* x = the velocities now, moved along their last change so far as lowers the error's energy most. */
+static void dgfemi_start_step(const dgfem_body *body, dgfemi_pcg *cg) {
+    size_t size = (size_t)cg->matrix->size;
+    memcpy(cg->x, body->velocity, size * sizeof *cg->x);
+    dgfemi_pcg_residual(cg);
+    memcpy(cg->p, body->step_solver->change, size * sizeof *cg->p);
+    double descent = dgfemi_vector_dot(cg->matrix->size, cg->p, cg->r);
+    if (descent != 0) (void)dgfemi_pcg_advance(cg, descent);
+}
+
+/* Iterations that the rest of a price pays. */
+static int dgfemi_affordable(double price, double rent, double work) {
+    double count = (price - rent) / work;
+    return count < 1 ? 0 : count < 1e6 ? (int)count : 1000000;
+}
+
+/* Iterates with the factorization, if there is one and its rent is not up. Otherwise, and when that fails, it is given
+   up for a better one (where the next price is what this one was worth) or for sweeps. 1 when x is good enough. */
+static int dgfemi_iterate_stale(dgfem_body *body, dgfemi_pcg *cg, const dgfem_mat3 *rotation, double target,
+                                int *iterations, double *error) {
+    dgfem_step_solver *solver = body->step_solver;
+    int before = *iterations, limit = dgfemi_affordable(solver->factor_work, solver->rent, solver->solve_work);
+    if (!solver->is_factored) return 0;
+    solver->age++;
+    if (solver->rent < solver->factor_work) {
+        dgfemi_find_turns(body, rotation);
+        if (dgfemi_iterate_with_factor(body, cg, target, limit + 1, iterations, error)) {
+            solver->rent += (*iterations - before - 1) * solver->solve_work;
+            return 1;
+        }
+        dgfemi_start_step(body, cg);
+    }
+    if (solver->age > DGFEM_SHORT_LIFE) solver->price = 1;
+    else if (solver->price < DGFEM_HIGHEST_PRICE) solver->price *= 2;
+    solver->rent = solver->age > DGFEM_SHORT_LIFE ? solver->factor_work : 0;
+    solver->is_factored = 0;
+    return 0;
+}
+
+/* Iterates with what there is, as the body's solver and the price of a factorization allow. 1 when x is good enough. */
+static int dgfemi_iterate_step(dgfem_body *body, dgfemi_pcg *cg, const dgfem_mat3 *rotation, double target,
+                               int *iterations, double *error) {
+    dgfem_step_solver *solver = body->step_solver;
+    int limit = body->desc.solver_iterations, before;
+    if (body->desc.solver != DGFEM_SOLVER_SWEEPS) {
+        if (dgfemi_iterate_stale(body, cg, rotation, target, iterations, error)) return 1;
+        limit = dgfemi_affordable(solver->price * solver->factor_work, solver->rent, solver->sweep_work);
+        if (body->desc.solver == DGFEM_SOLVER_STALE || limit < DGFEM_FEW_SWEEPS) return 0;
+    }
+    before = *iterations;
+    int good = dgfemi_iterate_with_sweeps(body, cg, target, limit, iterations, error);
+    solver->rent += (*iterations - before) * solver->sweep_work;
+    return good;
+}
+
+/* Solves matrix * v = rhs for the velocities at the end of a step of length h. `rotation` are the elements' rotations
+   that the matrix was assembled with. */
+static dgfem_status dgfemi_solve_step(dgfem_body *body, dgfem_real h, const dgfem_mat3 *rotation, const dgfem_real *rhs,
+                                      dgfem_real *v, dgfem_step_info *info) {
+    double factor_before = info->seconds_factor, start = dgfemi_clock(&body->hooks), error = 0;
+    double reference = dgfemi_reference_speed(body, h, (const dgfem_real *)(const void *)body->velocity);
+    double target = (double)body->desc.velocity_tolerance * reference;
     dgfem_status status = DGFEM_OK;
     dgfemi_pcg cg;
     memset(&cg, 0, sizeof cg);
-    cg.matrix = matrix, cg.b = rhs, cg.x = v;
+    cg.matrix = body->matrix, cg.b = rhs, cg.x = v;
     cg.preconditioner.apply = dgfemi_apply_factor;
     cg.preconditioner.context = body;
-    cg.r = dgfemi_step_vector(solver, matrix, DGFEMI_STEP_R);
-    cg.z = dgfemi_step_vector(solver, matrix, DGFEMI_STEP_Z);
-    cg.p = dgfemi_step_vector(solver, matrix, DGFEMI_STEP_P);
-    cg.q = dgfemi_step_vector(solver, matrix, DGFEMI_STEP_Q);
-    dgfemi_weigh_by_diagonal(matrix, dgfemi_step_vector(solver, matrix, DGFEMI_STEP_WEIGHT));
-    dgfemi_pcg_residual(&cg);
-    dgfemi_extrapolate(body, &cg);
-    if (solver->is_factored && solver->rent <= solver->factor_work) {
-        int before = info->iterations;
-        dgfemi_find_turns(body, rotation);
-        good = dgfemi_iterate_step(body, &cg, target, limit, info);
-        solver->rent += (info->iterations - before - 1) * solver->iteration_work;
-    }
-    if (!good) {
+    cg.r = dgfemi_step_vector(body, DGFEMI_STEP_R), cg.z = dgfemi_step_vector(body, DGFEMI_STEP_Z);
+    cg.p = dgfemi_step_vector(body, DGFEMI_STEP_P), cg.q = dgfemi_step_vector(body, DGFEMI_STEP_Q);
+    dgfemi_start_step(body, &cg);
+    if (!dgfemi_iterate_step(body, &cg, rotation, target, &info->iterations, &error)) {
+        if (body->desc.solver == DGFEM_SOLVER_SWEEPS)
+            return dgfemi_fail(&body->hooks, DGFEM_ERROR_NOT_CONVERGED,
+                               "step: velocities off by %g of their mean after %d iterations", error / reference,
+                               info->iterations);
         status = dgfemi_factor_step(body, rotation, info);
-        if (!status) {
-            dgfemi_find_turns(body, rotation);
-            memcpy(v, body->velocity, (size_t)matrix->size * sizeof *v);
-            dgfemi_pcg_residual(&cg);
-            (void)dgfemi_iterate_step(body, &cg, target, 1, info);
-        }
+        if (status) return status;
+        dgfemi_find_turns(body, rotation);
+        dgfemi_start_step(body, &cg);
+        (void)dgfemi_iterate_with_factor(body, &cg, target, 1, &info->iterations, &error);
     }
-    if (!status) dgfemi_balance_pieces(body, &cg);
+    info->residual = (dgfem_real)(error / reference);
+    dgfemi_balance_pieces(body, &cg);
     info->seconds_solve += dgfemi_clock(&body->hooks) - start - (info->seconds_factor - factor_before);
     return status;
 }
@@ -19233,33 +19814,31 @@ static dgfem_vec3 *dgfemi_work(const dgfem_body *body, int k) {
     return (dgfem_vec3 *)(void *)body->work + (size_t)k * (size_t)body->basis_count;
 }
 
-/* What a solver of the body's matrix needs. */
-static dgfem_status dgfemi_body_create_factor(dgfem_body *body) {
+/* What a solver of the body's matrix needs. After a change of topology the automatic choice may do without an analysis
+   of the matrix, and makes it when it is needed. */
+static dgfem_status dgfemi_body_create_factor(dgfem_body *body, const dgfem_step_solver *former) {
+    dgfem_solver solver = body->desc.solver;
     size_t vectors = DGFEMI_WORK_COUNT * 3 * (size_t)body->basis_count;
     dgfem_status status = DGFEM_OK;
-    if (body->desc.solver == DGFEM_SOLVER_PCG) {
-        vectors += dgfem_pcg_work_size(body->matrix);
-    } else {
-        dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
-        desc.hooks = body->hooks;
-        desc.hooks.log = NULL;
-        status = dgfem_cholesky_create(body->matrix, &desc, &body->cholesky);
-        if (status == DGFEM_ERROR_MEMORY) return status;
-        if (status)
-            return dgfemi_fail(&body->hooks, status, "Cholesky factor of %d elements", body->mesh->element_count);
-        body->cholesky->hooks.log = body->hooks.log;
-    }
-    if (body->desc.solver <= DGFEM_SOLVER_STALE) {
-        body->step_solver = dgfemi_step_solver_create(body->mesh, body->matrix, body->cholesky, &body->hooks);
+    if (solver == DGFEM_SOLVER_PCG || solver == DGFEM_SOLVER_SWEEPS) vectors += dgfem_pcg_work_size(body->matrix);
+    body->work = (dgfem_real *)dgfemi_allocate(&body->hooks, vectors, sizeof(dgfem_real));
+    if (!body->work) return DGFEM_ERROR_MEMORY;
+    if (solver == DGFEM_SOLVER_AUTO || solver == DGFEM_SOLVER_STALE || solver == DGFEM_SOLVER_SWEEPS) {
+        body->step_solver = dgfemi_step_solver_create(body->mesh, body->matrix, &body->hooks);
         if (!body->step_solver) return DGFEM_ERROR_MEMORY;
     }
-    body->work = (dgfem_real *)dgfemi_allocate(&body->hooks, vectors, sizeof(dgfem_real));
-    return body->work ? DGFEM_OK : DGFEM_ERROR_MEMORY;
+    if (solver == DGFEM_SOLVER_AUTO && former) {
+        body->step_solver->factor_work = former->factor_work;
+        body->step_solver->solve_work = former->solve_work;
+    } else if (solver != DGFEM_SOLVER_PCG && solver != DGFEM_SOLVER_SWEEPS) {
+        status = dgfemi_analyse_body(body);
+    }
+    return status;
 }
 
 static dgfem_status dgfemi_body_create_solver(dgfem_body *body) {
     dgfem_status status = dgfemi_body_create_matrix(body);
-    return status ? status : dgfemi_body_create_factor(body);
+    return status ? status : dgfemi_body_create_factor(body, NULL);
 }
 
 static dgfem_status dgfemi_body_build(dgfem_body *body, const dgfem_body_desc *desc) {
@@ -19866,7 +20445,7 @@ static dgfem_status dgfemi_body_solve(dgfem_body *body, const dgfem_vec3 *rhs, d
     dgfem_real *out = (dgfem_real *)(void *)x;
     double start = dgfemi_clock(hooks);
     dgfem_status status;
-    if (body->desc.solver == DGFEM_SOLVER_PCG) {
+    if (body->desc.solver == DGFEM_SOLVER_PCG || body->desc.solver == DGFEM_SOLVER_SWEEPS) {
         dgfem_pcg_desc desc = dgfem_default_pcg_desc();
         dgfem_pcg_info pcg;
         desc.tolerance = body->desc.solver_tolerance;
@@ -19882,6 +20461,8 @@ static dgfem_status dgfemi_body_solve(dgfem_body *body, const dgfem_vec3 *rhs, d
     }
     if (body->step_solver) body->step_solver->is_factored = 0;
     dgfem_cholesky_info factor;
+    status = dgfemi_analyse_body(body);
+    if (status) return status == DGFEM_ERROR_MEMORY ? dgfemi_fail_memory(hooks) : status;
     status = dgfem_cholesky_factor(body->cholesky, body->matrix, &factor);
     double middle = dgfemi_clock(hooks);
     info->seconds_factor += middle - start;
@@ -20012,7 +20593,7 @@ static dgfem_status dgfemi_step(dgfem_body *body, dgfem_real h, dgfem_step_info 
     dgfem_vec3 *rhs = dgfemi_work(body, DGFEMI_WORK_RHS), *v = dgfemi_work(body, DGFEMI_WORK_X);
     size_t size = (size_t)body->basis_count * sizeof *v;
     dgfemi_assemble_step(body, h, rhs, info);
-    memcpy(v, body->velocity, size);
+    if (!body->step_solver) memcpy(v, body->velocity, size);
     dgfem_status status =
         body->step_solver
             ? dgfemi_solve_step(body, h, dgfemi_next_rotation(body), (const dgfem_real *)(const void *)rhs,
@@ -21573,7 +22154,7 @@ static dgfem_status dgfemi_renewal_make_solver(dgfemi_renewal *r) {
     dgfem_status status = dgfemi_body_create_matrix(&r->next);
     if (status) return status;
     r->solver_kept = dgfemi_same_pattern(r->body->matrix, r->next.matrix);
-    if (!r->solver_kept) return dgfemi_body_create_factor(&r->next);
+    if (!r->solver_kept) return dgfemi_body_create_factor(&r->next, r->body->step_solver);
     dgfem_matrix_destroy(r->next.matrix);
     r->next.matrix = r->body->matrix, r->next.cholesky = r->body->cholesky, r->next.work = r->body->work;
     r->next.step_solver = r->body->step_solver;
@@ -24021,7 +24602,7 @@ static void dgfemi_wall_flip_all(dgfemi_wall_mesh *w) {
         for (int i = 0; i < w->cutter->cap_triangles.count; i++) {
             const int *corners = w->cutter->cap_triangles.data;
             int other = w->neighbour.data[i];
-            if (other == DGFEM_NONE) continue;
+            if (other < i) continue; /* each edge once, and not the boundary */
             if (!dgfemi_wall_should_flip(w, corners[i], corners[other], corners[dgfemi_wall_before(i)],
                                          corners[dgfemi_wall_before(other)]))
                 continue;
@@ -24285,6 +24866,11 @@ static int dgfemi_skin_find_sides(dgfemi_arena *arena, const dgfemi_skin_cutter 
     return 1;
 }
 
+/* Whether an element may lie nearer to x than a distance. */
+static int dgfemi_skin_is_nearer(const dgfemi_locator *locator, int element, dgfem_vec3 x, dgfem_real distance) {
+    return dgfemi_box_square(locator->lower[element], locator->upper[element], x) < distance * distance;
+}
+
 /* The element on a side that is nearest to x, of those around `element`; it must be reached through glued faces and
    through this cut, not through earlier ones. Without any the element itself. */
 static dgfemi_location dgfemi_skin_nearest_on_side(dgfemi_blade_sides *sides, const dgfemi_locator *locator,
@@ -24296,6 +24882,7 @@ static dgfemi_location dgfemi_skin_nearest_on_side(dgfemi_blade_sides *sides, co
     sides->queue[0] = element, sides->mark[element] = ++sides->stamp;
     for (int i = 0; i < count; i++) {
         const dgfem_element *e = &mesh->elements[sides->queue[i]];
+        if (!dgfemi_skin_is_nearer(locator, sides->queue[i], x, best.distance)) continue;
         if (sides->sign[sides->queue[i]] == side) {
             dgfemi_location location = dgfemi_locate_in(mesh, sides->queue[i], x);
             if (location.distance < best.distance) best = location;
@@ -24305,7 +24892,7 @@ static dgfemi_location dgfemi_skin_nearest_on_side(dgfemi_blade_sides *sides, co
             int other = face->element[face->element[0] == sides->queue[i]];
             if (other == DGFEM_NONE || sides->mark[other] == sides->stamp) continue;
             if (face->cut && !sides->on_blade[mesh->element_faces[k]]) continue;
-            if (!(dgfemi_box_distance(locator->lower[other], locator->upper[other], x) < best.distance)) continue;
+            if (!dgfemi_skin_is_nearer(locator, other, x, best.distance)) continue;
             sides->mark[other] = sides->stamp;
             sides->queue[count++] = other;
         }
@@ -24313,16 +24900,31 @@ static dgfemi_location dgfemi_skin_nearest_on_side(dgfemi_blade_sides *sides, co
     return best.element == DGFEM_NONE ? dgfemi_locate_in(mesh, element, x) : best;
 }
 
+/* The vertex that a new one is a copy of, on the same side of the cut; DGFEM_NONE: there is none. */
+static int dgfemi_skin_twin(const dgfemi_skin_cutter *c, int vertex) {
+    const dgfemi_skin_vertex *v = &c->vertices[vertex], *parent;
+    if (vertex < c->skin->vertex_count || v->parent[0] == DGFEM_NONE || v->parent[0] != v->parent[1]) return DGFEM_NONE;
+    parent = &c->vertices[v->parent[0]];
+    return parent->side == v->side && parent->slit == v->slit ? v->parent[0] : DGFEM_NONE;
+}
+
 /* Places of the vertices of the result; those at the cut get anchors on their own side. The skin's own vertices are
    where they were if their elements are; `kinship` NULL: all are. */
-static void dgfemi_skin_place(dgfemi_skin_cutter *c, dgfemi_locator *locator, dgfemi_blade_sides *sides,
-                              const dgfemi_kinship *kinship, dgfemi_places *places) {
+static void dgfemi_skin_place(dgfemi_skin_cutter *c, dgfemi_blade_sides *sides, const dgfemi_kinship *kinship,
+                              dgfemi_places *places) {
+    dgfemi_locator *locator = places->locator;
     const dgfem_mesh *mesh = c->body->mesh;
     const dgfem_embedding *old = c->skin->embedding;
     for (int i = 0; i < c->vertex_count; i++) {
         dgfemi_skin_vertex *v = &c->vertices[i];
         int moved = !dgfemi_same_position(v->anchor, v->rest), known, e = DGFEM_NONE, near;
+        int twin = dgfemi_skin_twin(c, i);
         dgfemi_location location;
+        if (twin != DGFEM_NONE) {
+            v->anchor = c->vertices[twin].anchor;
+            places->element[i] = places->element[twin], places->window[i] = places->window[twin];
+            continue;
+        }
         if (i < c->skin->vertex_count)
             e = kinship ? kinship->new_element[old->point_element[i]] : old->point_element[i];
         known = e != DGFEM_NONE;
@@ -24379,19 +24981,27 @@ static dgfem_real dgfemi_skin_ball(const dgfemi_skin_tearer *t, const int *corne
     return radius;
 }
 
-/* Marks the elements that hang together with `first` through glued faces and reach into the ball; returns their number,
-   with the elements in t->queue. */
-static int dgfemi_skin_flood_ball(dgfemi_skin_tearer *t, int first, dgfem_vec3 centre, dgfem_real radius) {
+/* How many corners of a triangle the last search has met. */
+static int dgfemi_skin_count_held(const dgfemi_skin_tearer *t, const int *corner) {
+    int count = 0;
+    for (int k = 0; k < 3; k++) count += t->group[t->places->element[corner[k]]] == t->stamp;
+    return count;
+}
+
+/* Marks the elements that hang together with `first` through glued faces and reach into the ball, until all corners of
+   the triangle are met; returns their number, with the elements in t->queue. */
+static int dgfemi_skin_flood_ball(dgfemi_skin_tearer *t, int first, const int *corner, dgfem_vec3 centre,
+                                  dgfem_real radius) {
     const dgfem_mesh *mesh = t->locator->mesh;
     int count = 1;
     t->queue[0] = first, t->group[first] = ++t->stamp;
-    for (int i = 0; i < count; i++) {
+    for (int i = 0; i < count && dgfemi_skin_count_held(t, corner) < 3; i++) {
         const dgfem_element *e = &mesh->elements[t->queue[i]];
         for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
             const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
             int other = face->element[face->element[0] == t->queue[i]];
             if (other == DGFEM_NONE || face->cut || t->group[other] == t->stamp) continue;
-            if (dgfemi_box_distance(t->locator->lower[other], t->locator->upper[other], centre) > radius) continue;
+            if (!dgfemi_skin_is_nearer(t->locator, other, centre, radius)) continue;
             t->group[other] = t->stamp;
             t->queue[count++] = other;
         }
@@ -24422,12 +25032,12 @@ static int dgfemi_skin_flood_majority(dgfemi_skin_tearer *t, const int *corner, 
     int best = 0;
     *held = 0;
     for (int k = 0; k < 3; k++) {
-        int elements = dgfemi_skin_flood_ball(t, t->places->element[corner[k]], centre, radius), count = 0;
-        for (int j = 0; j < 3; j++) count += t->group[t->places->element[corner[j]]] == t->stamp;
+        int elements = dgfemi_skin_flood_ball(t, t->places->element[corner[k]], corner, centre, radius);
+        int count = dgfemi_skin_count_held(t, corner);
         if (count > *held) *held = count, best = k;
         if (count == 3) return elements;
     }
-    return dgfemi_skin_flood_ball(t, t->places->element[corner[best]], centre, radius);
+    return dgfemi_skin_flood_ball(t, t->places->element[corner[best]], corner, centre, radius);
 }
 
 /* Lists the corners of a triangle that are to move. 1 on success. */
@@ -24484,7 +25094,7 @@ static int dgfemi_skin_apply_tears(dgfemi_skin_tearer *t, dgfemi_arena *arena, i
     dgfemi_skin_cutter *c = t->cutter;
     const dgfem_mesh *mesh = t->locator->mesh;
     dgfemi_places places;
-    if (!dgfemi_places_allocate(arena, c->vertex_count, &places)) return 0;
+    if (!dgfemi_places_allocate(arena, c->vertex_count, t->places->locator, &places)) return 0;
     memcpy(places.element, t->places->element, (size_t)count * sizeof(int));
     memcpy(places.window, t->places->window, (size_t)count * sizeof(dgfem_vec3));
     for (int i = 0; i < t->tear_count; i++) {
@@ -24536,13 +25146,14 @@ static int dgfemi_skin_find_places(dgfemi_arena *arena, dgfemi_skin_cutter *c, i
     int between = c->skin->embedding->sample_count == 0; /* two blades: the elements are those of this mesh */
     dgfemi_blade_sides sides;
     dgfemi_kinship kinship;
-    dgfemi_locator locator;
-    if (!dgfemi_places_allocate(arena, c->vertex_count, places) || !dgfemi_locator_make(arena, mesh, &locator) ||
+    dgfemi_locator *locator = (dgfemi_locator *)dgfemi_arena_allocate(arena, 1, sizeof *locator);
+    if (!locator || !dgfemi_locator_make(arena, mesh, locator) ||
+        !dgfemi_places_allocate(arena, c->vertex_count, locator, places) ||
         !dgfemi_skin_find_sides(arena, c, &sides) ||
         (!between && !dgfemi_kinship_make(arena, mesh, c->skin->embedding, &kinship)))
         return 0;
-    dgfemi_skin_place(c, &locator, &sides, between ? NULL : &kinship, places);
-    return !last || dgfemi_skin_tear_triangles(arena, c, &locator, places);
+    dgfemi_skin_place(c, &sides, between ? NULL : &kinship, places);
+    return !last || dgfemi_skin_tear_triangles(arena, c, locator, places);
 }
 
 /* ---- the new skin ---- */

@@ -76,8 +76,8 @@ static inline cholmod_sparse *to_cholmod(const dgfem_matrix *matrix, cholmod_com
 /* The graph of blocks, upper half. */
 static inline cholmod_sparse *block_graph(const dgfem_matrix *matrix, cholmod_common *common) {
     int n = matrix->block_count;
-    cholmod_sparse *a = cholmod_allocate_sparse((size_t)n, (size_t)n, (size_t)matrix->row_start[n], 1, 1, 1,
-                                                CHOLMOD_PATTERN, common);
+    cholmod_sparse *a =
+        cholmod_allocate_sparse((size_t)n, (size_t)n, (size_t)matrix->row_start[n], 1, 1, 1, CHOLMOD_PATTERN, common);
     memcpy(a->p, matrix->row_start, ((size_t)n + 1) * sizeof(int));
     memcpy(a->i, matrix->column, (size_t)matrix->row_start[n] * sizeof(int));
     return a;
@@ -92,15 +92,17 @@ static inline void order_blocks(const dgfem_matrix *matrix, setting how, int *or
 }
 
 /* x receives the solution. `own` is dgfem's order. */
-static inline void run_cholmod(const dgfem_matrix *matrix, cholmod_sparse *a, setting how, const int *own, const dgfem_real *b,
-                        dgfem_real *x, figures *f, cholmod_common *common) {
+static inline void run_cholmod(const dgfem_matrix *matrix, cholmod_sparse *a, setting how, const int *own,
+                               const dgfem_real *b, dgfem_real *x, figures *f, cholmod_common *common) {
     int *order = (int *)room((size_t)matrix->block_count, sizeof(int));
     int *unknowns = (int *)room((size_t)matrix->size, sizeof(int)), used = 0;
     cholmod_dense *rhs = cholmod_allocate_dense((size_t)matrix->size, 1, (size_t)matrix->size, CHOLMOD_REAL, common);
     for (int k = 0; k < matrix->size; k++) ((double *)rhs->x)[k] = (double)b[k];
     common->supernodal = CHOLMOD_SUPERNODAL;
     common->nmethods = 1;
-    common->method[0].ordering = how == UNKNOWNS_METIS ? CHOLMOD_METIS : how == UNKNOWNS_AMD ? CHOLMOD_AMD : CHOLMOD_GIVEN;
+    common->method[0].ordering = how == UNKNOWNS_METIS ? CHOLMOD_METIS
+                                 : how == UNKNOWNS_AMD ? CHOLMOD_AMD
+                                                       : CHOLMOD_GIVEN;
     double t0 = seconds();
     if (how == GIVEN && own) memcpy(order, own, (size_t)matrix->block_count * sizeof *order);
     else if (how >= BLOCKS_METIS) order_blocks(matrix, how, order, common);
@@ -127,7 +129,7 @@ static inline void run_cholmod(const dgfem_matrix *matrix, cholmod_sparse *a, se
 
 /* The stock setting that takes least time in all. */
 static inline setting best_setting(const dgfem_matrix *matrix, cholmod_sparse *a, const dgfem_real *b, dgfem_real *x,
-                            cholmod_common *common) {
+                                   cholmod_common *common) {
     double best = 1e300;
     setting found = UNKNOWNS_METIS;
     for (int how = UNKNOWNS_METIS; how < GIVEN; how++)
@@ -140,7 +142,6 @@ static inline setting best_setting(const dgfem_matrix *matrix, cholmod_sparse *a
     return found;
 }
 #endif
-
 
 /* ---- Eigen ---- */
 

@@ -88,6 +88,11 @@ polyhedra() {
     build/examples/mvc_slice --ply build/pictures/polyhedra/slice.ply > build/pictures/polyhedra/slice.txt || return 1
     painted build/pictures/polyhedra/cut.ply examples/pictures/mvc_cut.png 1000,400 0.9,-5,1.6 0.9,0,0.32 11 || return 1
     painted build/pictures/polyhedra/slice.ply examples/pictures/mvc_slice.png 900,330 1.5,-3,0.7 0.62,0.1,0.13 10.5 || return 1
+    tetrahedra=build/bunny.1.ele
+    [ -s $tetrahedra ] || tetrahedra="--model build/bunny.obj"
+    # shellcheck disable=SC2086
+    build/examples/mvc_bunny $tetrahedra --ply build/pictures/polyhedra/bunny.ply > build/pictures/polyhedra/bunny.txt || return 1
+    painted build/pictures/polyhedra/bunny.ply examples/pictures/mvc_bunny.png 1000,330 2.35,-11,2.9 2.35,0,0.72 13.5 || return 1
 }
 
 can_draw() { command -v f3d > /dev/null && command -v xvfb-run > /dev/null; }

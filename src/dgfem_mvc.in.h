@@ -158,6 +158,8 @@
 #include "mvc/crack.c"
 #include "mvc/sliver.c"
 #include "mvc/cut.c"
+#include "mvc/locate.c"
+#include "mvc/embed.c"
 #include "mvc/skin.c"
 #include "mvc/surface.c"
 #endif /* DGFEM_IMPLEMENTATION */

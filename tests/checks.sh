@@ -417,6 +417,19 @@ runs_mvc_patch() {
 
 mvc_slope_keys='elements nodes steps travel most_contacts least_volume largest_volume microseconds_per_step'
 
+mvc_bunny_keys='start_nodes start_elements nodes elements pieces cuts elements_kept volume_error milliseconds_per_cut'
+
+# Volume is kept by all cuts; two tetrahedra from a file are cut as well.
+runs_mvc_bunny() {
+    build/examples/mvc_bunny --cells 5 --slices 3 --layers 1 --steps 60 --ply "$work/bunny.ply" > "$work/bunny" &&
+        prints_keys "$mvc_bunny_keys" sed 1d "$work/bunny" &&
+        awk -v e="$(value volume_error)" 'BEGIN { exit !(e != "" && e < 1e-10) }' || return 1
+    printf '5 3\n0 0 0 0\n1 1 0 0\n2 0 1 0\n3 0 0 1\n4 1 1 1\n' > "$work/two.node"
+    printf '2 4\n0 0 1 2 3\n1 1 2 3 4\n' > "$work/two.ele"
+    prints_keys "$mvc_bunny_keys" build/examples/mvc_bunny "$work/two.ele" --slices 1 --steps 20 &&
+        [ "$(value start_elements)" = 2 ] && [ "$(value pieces)" -ge 2 ]
+}
+
 check_examples() {
     check "hello runs" build/examples/hello
     check "beam prints its keys, and the tip of the reference" runs_beam
@@ -434,6 +447,8 @@ check_examples() {
     check "mvc_patch passes with the corrected rules alone" runs_mvc_patch
     check "mvc_slope prints its keys" prints_keys "$mvc_slope_keys" build/examples/mvc_slope --ply "$work/slope.ply"
     check "mvc_slope refuses Young's modulus 0" refuses_value build/examples/mvc_slope --young 0
+    check "mvc_bunny cuts its lattice, and tetrahedra of a file" runs_mvc_bunny
+    check "mvc_bunny refuses an absent mesh" refuses_value build/examples/mvc_bunny "$work/absent.ele"
     check "mvc_patch refuses an unknown mesh" refuses_option build/examples/mvc_patch --mesh bogus
     check "bunny runs with its own shape" runs_bunny
 }

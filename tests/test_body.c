@@ -490,12 +490,12 @@ static void test_static_solution_is_at_rest(void **state) {
 
 static void test_step_allocates_nothing(void **state) {
     (void)state;
-    for (int solver = 0; solver < 2; solver++) {
+    for (int solver = DGFEM_SOLVER_AUTO; solver <= DGFEM_SOLVER_PCG; solver++) {
         check_host host;
         dgfem_body_desc desc = dgfem_default_body_desc();
         dgfem_shape_desc floor = dgfem_default_shape_desc();
         desc.hooks = check_hooks(&host);
-        desc.solver = solver ? DGFEM_SOLVER_PCG : DGFEM_SOLVER_CHOLESKY;
+        desc.solver = (dgfem_solver)solver;
         dgfem_body *body = make_box(&desc, 3, 2, 2, 1, 1, 1);
         check_status(dgfem_body_add_plane(body, &floor, NULL), DGFEM_OK);
         clamp_at_x(body, 0);
@@ -689,9 +689,10 @@ static dgfem_status create_and_fix(void *context, const dgfem_hooks *hooks) {
 
 static void test_every_allocation(void **state) {
     (void)state;
-    dgfem_solver solvers[2] = {DGFEM_SOLVER_CHOLESKY, DGFEM_SOLVER_PCG};
-    assert_true(check_every_allocation(create_and_fix, &solvers[0]) > 10);
-    assert_true(check_every_allocation(create_and_fix, &solvers[1]) > 10);
+    for (int k = DGFEM_SOLVER_AUTO; k <= DGFEM_SOLVER_PCG; k++) {
+        dgfem_solver solver = (dgfem_solver)k;
+        assert_true(check_every_allocation(create_and_fix, &solver) > 10);
+    }
 }
 
 /* ---- calls on a body that run out of memory ---- */
@@ -826,7 +827,7 @@ static void test_every_allocation_of_later_calls(void **state) {
     };
     long total = 0;
     for (size_t i = 0; i < sizeof calls / sizeof *calls; i++)
-        for (int solver = 0; solver < 2; solver++)
+        for (int solver = DGFEM_SOLVER_AUTO; solver <= DGFEM_SOLVER_PCG; solver++)
             for (long n = 1; call_without_memory(calls[i], (dgfem_solver)solver, n); n++) total++;
     print_message("%ld allocations\n", total);
     assert_true(total > 100);

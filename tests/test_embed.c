@@ -4,6 +4,7 @@
 
 #include "check.h"
 #include "check_body.h"
+#include "check_threads.h"
 
 /* ---- meshes ---- */
 
@@ -493,6 +494,62 @@ static void test_no_jump_along_a_slit(void **state) {
     check_body_destroy(body);
 }
 
+/* The samples that a point takes weight from, and how far they see it, by hand: the shortest of all ways, each as long as
+   the farthest box on it, found by going on as long as any way gets shorter. */
+static void check_seen(const dgfem_embedding *embedding, const dgfem_body *body, int point) {
+    const dgfem_mesh *mesh = body->mesh;
+    double *way = (double *)calloc((size_t)mesh->element_count, sizeof *way);
+    int changed = 1, next = embedding->weight_start[point];
+    dgfem_vec3 x = embedding->point_window[point];
+    for (int e = 0; e < mesh->element_count; e++) way[e] = e == embedding->point_element[point] ? 0 : HUGE_VAL;
+    while (changed) {
+        changed = 0;
+        for (int f = 0; f < 2 * mesh->face_count; f++) {
+            const dgfem_face *face = &mesh->faces[f / 2];
+            int from = face->element[f % 2], to = face->element[1 - f % 2];
+            double length;
+            if (face->cut || from == DGFEM_NONE || to == DGFEM_NONE) continue;
+            length = check_distance(x, dgfemi_min3(dgfemi_max3(x, embedding->element_box[2 * to]),
+                                                   embedding->element_box[2 * to + 1]));
+            length = fmax(length, way[from]);
+            if (length < way[to]) way[to] = length, changed = 1;
+        }
+    }
+    for (int s = 0; s < embedding->sample_count; s++) {
+        double shortest = HUGE_VAL, q;
+        for (int t = embedding->term_start[s]; t < embedding->term_start[s + 1]; t++)
+            shortest = fmin(shortest, way[embedding->term_element[t]]);
+        q = fmax(shortest, check_distance(x, embedding->samples[s])) / (double)embedding->sample_radius[s];
+        if (fabs(q - 1) < 16 * CHECK_EPSILON) { /* round-off decides */
+            next += next < embedding->weight_start[point + 1] && embedding->weight_sample[next] == s;
+            continue;
+        }
+        if (q < 1) assert_true(next < embedding->weight_start[point + 1] && embedding->weight_sample[next++] == s);
+    }
+    assert_int_equal(next, embedding->weight_start[point + 1]);
+    free(way);
+}
+
+static void test_seen_samples(void **state) {
+    check_random random = check_random_seeded(17);
+    dgfem_body *bodies[2];
+    (void)state;
+    bodies[0] = check_body_create(towers(8, 1), NULL, 1, NULL);
+    bodies[1] = check_body_create(sliced_sphere(2, 5, NULL, NULL), NULL, 1, NULL);
+    for (int b = 0; b < 2; b++) {
+        dgfem_vec3 points[100];
+        dgfem_embedding *embedding;
+        for (int i = 0; i < 100; i++) {
+            points[i] = check_random_vec3(&random, b ? -0.7 : 0, b ? 0.7 : 2);
+            if (b == 0) points[i].x += (dgfem_real)(i % 3), points[i].z *= 2;
+        }
+        embedding = embed(bodies[b], points, 100);
+        for (int i = 0; i < 100; i++) check_seen(embedding, bodies[b], i);
+        dgfem_embedding_destroy(embedding);
+        check_body_destroy(bodies[b]);
+    }
+}
+
 /* Cut right through: each half has its own samples, also at the vertices that they share. */
 static void test_cut_separates(void **state) {
     check_random random = check_random_seeded(11);
@@ -720,6 +777,31 @@ static void test_same_bits_for_any_ranges(void **state) {
     check_body_destroy(body);
 }
 
+/* Weights too are the same bits for any number of threads, windows that had to be enlarged included. */
+static void test_same_weights_for_any_threads(void **state) {
+    dgfem_vec3 *vertices;
+    int count;
+    dgfem_mesh *mesh = sliced_sphere(4, 7, &vertices, &count);
+    dgfem_body *body = check_body_create(mesh, NULL, 1, NULL);
+    dgfem_embedding *one = embed(body, vertices, count);
+    check_workers workers;
+    (void)state;
+    memset(&workers, 0, sizeof workers);
+    body->hooks.parallel_for = check_parallel_for, body->hooks.parallel_for_user = &workers;
+    for (workers.count = 1; workers.count <= 4; workers.count += 3) {
+        dgfem_embedding *other = embed(body, vertices, count);
+        size_t weights = (size_t)one->weight_start[count];
+        assert_memory_equal(one->weight_start, other->weight_start, ((size_t)count + 1) * sizeof(int));
+        assert_memory_equal(one->weight_sample, other->weight_sample, weights * sizeof(int));
+        assert_memory_equal(one->weight, other->weight, weights * sizeof(dgfem_real));
+        dgfem_embedding_destroy(other);
+    }
+    assert_true(workers.loops > 4);
+    dgfem_embedding_destroy(one);
+    free(vertices);
+    check_body_destroy(body);
+}
+
 static void test_points_of_any_layout(void **state) {
     dgfem_body *body = check_body_create(cubes(2, 2, 2), NULL, 1, NULL);
     struct {
@@ -815,12 +897,14 @@ int main(void) {
         cmocka_unit_test(test_twice_differentiable),
         cmocka_unit_test(test_towers_do_not_mix),
         cmocka_unit_test(test_no_jump_along_a_slit),
+        cmocka_unit_test(test_seen_samples),
         cmocka_unit_test(test_cut_separates),
         cmocka_unit_test(test_points_find_their_cubes),
         cmocka_unit_test(test_nearest_element),
         cmocka_unit_test(test_containing_elements),
         cmocka_unit_test(test_non_convex_element),
         cmocka_unit_test(test_same_bits_for_any_ranges),
+        cmocka_unit_test(test_same_weights_for_any_threads),
         cmocka_unit_test(test_points_of_any_layout),
         cmocka_unit_test(test_bad_points),
         cmocka_unit_test(test_allocation_failures),

@@ -30,6 +30,15 @@ static void move_randomly(dgfem_mvc *body, check_random *random, double size) {
     free(x);
 }
 
+static dgfem_mvc_skin *smooth_skin_of(const dgfem_mvc *body, const dgfem_vec3 *points, int count) {
+    dgfem_mvc_skin_desc desc = dgfem_default_mvc_skin_desc();
+    dgfem_mvc_skin *skin = NULL;
+    desc.vertices = dgfem_points_in_vec3(points, count);
+    desc.kind = DGFEM_MVC_SKIN_MLS;
+    check_status(dgfem_mvc_skin_create(body, &desc, &skin), DGFEM_OK);
+    return skin;
+}
+
 /* ---- skins ---- */
 
 /* Affine motions are followed exactly, inside and outside; at rest nothing moves. */
@@ -66,6 +75,158 @@ static void test_affine(void **state) {
         dgfem_mvc_destroy(body);
     }
 }
+
+/* ---- skins by moving least squares ---- */
+
+/* Affine motions are followed exactly, inside and outside. */
+static void test_smooth_affine(void **state) {
+    (void)state;
+    enum { N = 300 };
+    check_random random = check_random_seeded(31);
+    for (int kind = MVC_CUBE; kind < MVC_KINDS; kind++) {
+        dgfem_mvc_desc desc = mvc_desc();
+        dgfem_mvc *body = mvc_of(&desc, mvc_mesh((mvc_kind)kind, 3, 3));
+        dgfem_vec3 points[N];
+        mvc_affine field = mvc_random_affine(&random, 1);
+        for (int v = 0; v < N; v++) points[v] = check_random_vec3(&random, -0.2, 1.2);
+        dgfem_mvc_skin *skin = smooth_skin_of(body, points, N);
+        assert_int_equal(skin->kind, DGFEM_MVC_SKIN_MLS);
+        for (int v = 0; v < N; v++) {
+            double sum = 0;
+            for (int i = skin->weight_start[v]; i < skin->weight_start[v + 1]; i++) sum += (double)skin->weight[i];
+            assert_true(skin->weight_start[v + 1] - skin->weight_start[v] >= 4);
+            check_near(sum, 1, 200 * CHECK_EPSILON);
+            check_near3(skin->positions[v], points[v], 200 * CHECK_EPSILON);
+        }
+        move_affinely(body, &field);
+        check_status(dgfem_mvc_skin_update(skin, body), DGFEM_OK);
+        for (int v = 0; v < N; v++)
+            check_near3(skin->positions[v], mvc_affine_at(&field, points[v]), 4000 * CHECK_EPSILON);
+        dgfem_mvc_skin_destroy(skin);
+        dgfem_mvc_destroy(body);
+    }
+}
+
+/* The largest second derivative, by differences, of a skin along a line through the body. */
+static double bend_of_skin(const dgfem_mvc *body, int is_smooth, int parts, dgfem_vec3 a, dgfem_vec3 b) {
+    dgfem_vec3 *points = (dgfem_vec3 *)malloc((size_t)(parts + 1) * sizeof *points);
+    double most = 0;
+    assert_non_null(points);
+    for (int k = 0; k <= parts; k++) {
+        double t = (double)k / parts;
+        points[k] = vec3((1 - t) * (double)a.x + t * (double)b.x, (1 - t) * (double)a.y + t * (double)b.y,
+                         (1 - t) * (double)a.z + t * (double)b.z);
+    }
+    dgfem_mvc_skin *skin = is_smooth ? smooth_skin_of(body, points, parts + 1) : skin_of(body, points, parts + 1);
+    for (int k = 1; k < parts; k++) {
+        const dgfem_vec3 *x = skin->positions + k;
+        double d[3];
+        d[0] = (double)x[-1].x + (double)x[1].x - 2 * (double)x[0].x;
+        d[1] = (double)x[-1].y + (double)x[1].y - 2 * (double)x[0].y;
+        d[2] = (double)x[-1].z + (double)x[1].z - 2 * (double)x[0].z;
+        most = fmax(most, sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) * parts * parts);
+    }
+    dgfem_mvc_skin_destroy(skin);
+    free(points);
+    return most;
+}
+
+/* Mean values kink where the line goes from one element to the next: the second difference grows as the steps shrink.
+   Moving least squares have a second derivative. Float's round-off hides it. */
+static void test_smoothness(void **state) {
+    (void)state;
+    check_random random = check_random_seeded(32);
+    for (int kind = MVC_CUBE; kind < MVC_KINDS && !DGFEM_REAL_IS_FLOAT; kind++) {
+        dgfem_mvc_desc desc = mvc_desc();
+        dgfem_mvc *body = mvc_of(&desc, mvc_mesh((mvc_kind)kind, 3, 3));
+        dgfem_vec3 a = vec3(0.07, 0.11, 0.05), b = vec3(0.93, 0.87, 0.96);
+        move_randomly(body, &random, 0.1);
+        double smooth = bend_of_skin(body, 1, 500, a, b), finer = bend_of_skin(body, 1, 2000, a, b);
+        double rough = bend_of_skin(body, 0, 500, a, b), rougher = bend_of_skin(body, 0, 2000, a, b);
+        print_message("%d elements: second differences %.3g, %.3g; of mean values %.3g, %.3g\n", body->element_count,
+                      smooth, finer, rough, rougher);
+        assert_true(finer < 1.05 * smooth);
+        assert_true(rougher > rough && rougher > 100 * finer);
+        dgfem_mvc_destroy(body);
+    }
+}
+
+/* side[node]: bit 0 where it is in elements above z = 0.5, bit 1 below. */
+static void sides_of_nodes(const dgfem_mvc *body, char *side) {
+    int nodes[64];
+    memset(side, 0, (size_t)body->node_count);
+    for (int e = 0; e < body->element_count; e++) {
+        int count = dgfem_mvc_element_nodes(body, e, nodes, 64);
+        assert_in_range(count, 4, 64);
+        for (int i = 0; i < count; i++) side[nodes[i]] |= (double)body->centre[e].z > 0.5 ? 1 : 2;
+    }
+}
+
+/* The weight that a vertex takes from nodes of one side only. */
+static double weight_from(const dgfem_mvc_skin *skin, int v, const char *side, char which) {
+    double sum = 0;
+    for (int i = skin->weight_start[v]; i < skin->weight_start[v + 1]; i++)
+        if (side[skin->weight_node[i]] == which) sum += fabs((double)skin->weight[i]);
+    return sum;
+}
+
+/* Nothing comes across a cut. Around the front of one that ends inside, weight grows continuously, from nothing. */
+static void test_smooth_cuts(void **state) {
+    (void)state;
+    enum { N = 501 };
+    dgfem_vec3 line[N], corners[4];
+    for (int v = 0; v < N; v++) line[v] = vec3(2.0 * v / (N - 1), 0.4, 0.52);
+    for (int k = 0; k < 4; k++) corners[k] = vec3(k == 1 || k == 2 ? 1.25 : -1, k < 2 ? -1 : 2, 0.5);
+    for (int whole = 0; whole < 2; whole++) {
+        dgfem_mvc_desc desc = mvc_desc();
+        dgfem_mvc *body = mvc_of(&desc, mvc_grid(8, 4, 4, 2, 1, 1));
+        dgfem_plane plane = {{0, 0, 1}, DGFEM_R(0.5)};
+        char side[1024];
+        dgfem_mvc_skin *skin = smooth_skin_of(body, line, N);
+        assert_true(weight_from(skin, 0, (sides_of_nodes(body, side), side), 2) > 0.1);
+        if (whole) check_status(dgfem_mvc_cut_plane(body, plane, NULL, NULL), DGFEM_OK);
+        else check_status(dgfem_mvc_cut_polygon(body, dgfem_points_in_vec3(corners, 4), NULL, NULL), DGFEM_OK);
+        check_status(dgfem_mvc_skin_update(skin, body), DGFEM_ERROR_REVISION);
+        check_status(dgfem_mvc_skin_renew(skin, body), DGFEM_OK);
+        assert_int_equal(skin->kind, DGFEM_MVC_SKIN_MLS);
+        assert_in_range(body->node_count, 1, (int)sizeof side);
+        sides_of_nodes(body, side);
+        for (int v = 0; v < N; v++) {
+            double x = 2.0 * v / (N - 1), across = weight_from(skin, v, side, 2);
+            if (whole || x < 0.4) check_near(across, 0, 0);
+            if (v) check_near(across, weight_from(skin, v - 1, side, 2), 0.05);
+            if (!whole && x > 1.5) assert_true(across > 0.1);
+        }
+        dgfem_mvc_skin_destroy(skin);
+        dgfem_mvc_destroy(body);
+    }
+}
+
+/* Flat bodies, and one element alone. */
+static void test_smooth_extremes(void **state) {
+    (void)state;
+    check_random random = check_random_seeded(33);
+    for (int thin = 0; thin < 3; thin++) {
+        dgfem_mvc_desc desc = mvc_desc();
+        double height = thin == 0 ? 1e-2 : thin == 2 ? 1 : DGFEM_REAL_IS_FLOAT ? 1e-3 : 1e-6;
+        dgfem_mvc *body = mvc_of(&desc, mvc_grid(thin < 2 ? 2 : 1, 1, 1, 1, 1, height));
+        dgfem_vec3 points[20];
+        mvc_affine field = mvc_random_affine(&random, 1);
+        for (int v = 0; v < 20; v++) {
+            points[v] = check_random_vec3(&random, -2, 3);
+            points[v].z *= (dgfem_real)height;
+        }
+        dgfem_mvc_skin *skin = smooth_skin_of(body, points, 20);
+        move_affinely(body, &field);
+        check_status(dgfem_mvc_skin_update(skin, body), DGFEM_OK);
+        for (int v = 0; v < 20; v++)
+            check_near3(skin->positions[v], mvc_affine_at(&field, points[v]), 1e5 * CHECK_EPSILON);
+        dgfem_mvc_skin_destroy(skin);
+        dgfem_mvc_destroy(body);
+    }
+}
+
+/* ---- continuity and distance of mean values ---- */
 
 /* Vertices at nodes follow them, those on edges and triangles linearly. Just beside an inner or outer face the skin
    moves as on it: there is no jump. */
@@ -383,6 +544,19 @@ static dgfem_status run_skin(void *context, const dgfem_hooks *hooks) {
     return status;
 }
 
+static dgfem_status run_smooth_skin(void *context, const dgfem_hooks *hooks) {
+    dgfem_mvc_skin_desc desc = dgfem_default_mvc_skin_desc();
+    dgfem_vec3 points[2];
+    dgfem_mvc_skin *skin = NULL;
+    points[0] = vec3(0.1, 0.2, 0.9), points[1] = vec3(0.5, 0.7, 2);
+    desc.kind = DGFEM_MVC_SKIN_MLS;
+    desc.vertices = dgfem_points_in_vec3(points, 2);
+    desc.hooks = *hooks;
+    dgfem_status status = dgfem_mvc_skin_create((const dgfem_mvc *)context, &desc, &skin);
+    dgfem_mvc_skin_destroy(skin);
+    return status;
+}
+
 static dgfem_status run_surface(void *context, const dgfem_hooks *hooks) {
     dgfem_mvc body = *(const dgfem_mvc *)context;
     dgfem_mvc_surface *surface = NULL;
@@ -397,6 +571,7 @@ static void test_allocation_failures(void **state) {
     dgfem_mvc_desc desc = mvc_desc();
     dgfem_mvc *body = mvc_of(&desc, mvc_mesh(MVC_HEX, 2, 3));
     (void)check_every_allocation(run_skin, body);
+    assert_true(check_every_allocation(run_smooth_skin, body) > 20);
     (void)check_every_allocation(run_surface, body);
     dgfem_mvc_destroy(body);
 }
@@ -420,6 +595,9 @@ static void test_bad_skins(void **state) {
     bad = good, bad.vertices.count = 0;
     check_status(dgfem_mvc_skin_create(body, &bad, &skin), DGFEM_ERROR_EMPTY);
     check_logged(&host, "no vertices");
+    bad = good, bad.kind = (dgfem_mvc_skin_kind)7;
+    check_status(dgfem_mvc_skin_create(body, &bad, &skin), DGFEM_ERROR_ARGUMENT);
+    check_logged(&host, "unknown kind of skin 7");
     bad = good, bad.triangles = triangle, bad.triangle_count = 1;
     check_status(dgfem_mvc_skin_create(body, &bad, &skin), DGFEM_ERROR_INDEX);
     check_logged(&host, "triangle 0: vertex 3 of 3");
@@ -439,6 +617,10 @@ static void test_bad_skins(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_affine),
+        cmocka_unit_test(test_smooth_affine),
+        cmocka_unit_test(test_smoothness),
+        cmocka_unit_test(test_smooth_cuts),
+        cmocka_unit_test(test_smooth_extremes),
         cmocka_unit_test(test_continuity),
         cmocka_unit_test(test_far_outside),
         cmocka_unit_test(test_surface),

@@ -549,12 +549,13 @@ typedef enum dgfem_penalty {
     DGFEM_PENALTY_SCALAR  /* (lambda + 2 mu) on the whole jump, as the paper; locks for p = 1 */
 } dgfem_penalty;
 
-/* What solves the linear system of a step. A static solve takes PCG where that is chosen, and else Cholesky. */
+/* What solves the linear system of a step. A static solve takes PCG where that or sweeps are chosen, and else Cholesky. */
 typedef enum dgfem_solver {
-    DGFEM_SOLVER_AUTO,
+    DGFEM_SOLVER_AUTO,     /* stale or sweeps, whichever pays: sweeps after a cut and in large soft bodies */
     DGFEM_SOLVER_STALE,    /* conjugate gradients preconditioned by an earlier factorization, turned with the elements */
     DGFEM_SOLVER_CHOLESKY, /* a factorization in every step: exact, and the same from the same state */
-    DGFEM_SOLVER_PCG       /* conjugate gradients preconditioned by the elements' own blocks: least memory */
+    DGFEM_SOLVER_SWEEPS,   /* conjugate gradients preconditioned by symmetric Gauss-Seidel sweeps: little memory */
+    DGFEM_SOLVER_PCG       /* conjugate gradients preconditioned by the elements' own blocks, to a given residual */
 } dgfem_solver;
 
 typedef struct dgfem_body_desc {
@@ -574,10 +575,10 @@ typedef struct dgfem_body_desc {
                                         it brakes rigid turning, and takes moving fixtures to stand still */
     int warp;                        /* 1: stiffness warping (default); 0: linear elasticity */
     dgfem_solver solver;             /* default auto */
-    dgfem_real velocity_tolerance;   /* of auto and stale: error of the velocities relative to their mean, both as roots of mean
+    dgfem_real velocity_tolerance;   /* of auto, stale, sweeps: error of the velocities relative to their mean, both as roots of mean
                                         squares over the mass, or to .01 element radii in a step; default 1e-3 */
     dgfem_real solver_tolerance;     /* of PCG; default 1e-6 (float: 1e-4) */
-    int solver_iterations;           /* of PCG at most; default 1000 */
+    int solver_iterations;           /* of PCG and sweeps at most; default 1000 */
     dgfem_hooks hooks;
 } dgfem_body_desc;
 
@@ -587,7 +588,7 @@ typedef struct dgfem_step_info {
     int sweeps;               /* static solve: solves with new rotations */
     int contacts;             /* contact points that were active */
     int failed_element;       /* whose pivot was not positive, or DGFEM_NONE */
-    dgfem_real residual;      /* of PCG; auto, stale: estimated error, as in velocity_tolerance; static solve: last relative change of the displacement, without warping the
+    dgfem_real residual;      /* of PCG; auto, stale, sweeps: estimated error, as in velocity_tolerance; static solve: last relative change of the displacement, without warping the
                                  relative residual of the linear system */
     double seconds_assemble, seconds_contact, seconds_factor, seconds_solve; /* 0 without a clock */
 } dgfem_step_info;
@@ -627,7 +628,6 @@ typedef struct dgfem_embedding {
     dgfem_vec3 *element_centre;
     int *element_glue;          /* glued faces of each element */
     dgfem_vec3 *element_box;    /* [2 * element_count] lower and upper corners */
-    dgfem_real *element_reach;  /* largest window among the samples that may see through the element */
     int revision;              /* of the body it was made for */
     dgfem_hooks hooks;
 } dgfem_embedding;

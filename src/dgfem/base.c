@@ -186,6 +186,16 @@ static void dgfemi_arena_free(dgfemi_arena *arena) {
     }
 }
 
+/* Empties an arena but for its largest block, which serves again. */
+static void dgfemi_arena_reuse(dgfemi_arena *arena) {
+    dgfemi_arena rest = *arena;
+    if (!arena->blocks) return;
+    rest.blocks = arena->blocks->next;
+    dgfemi_arena_free(&rest);
+    arena->blocks->next = NULL;
+    arena->blocks->used = (size_t)(DGFEM_ARENA_ALIGN - (uintptr_t)(arena->blocks + 1) % DGFEM_ARENA_ALIGN);
+}
+
 /* ---- parallel loops and time ---- */
 
 static void dgfemi_parallel_for(const dgfem_hooks *hooks, int count, int grain, dgfem_range_fn fn, void *context) {

@@ -212,33 +212,31 @@ static dgfem_vec3 *dgfemi_work(const dgfem_body *body, int k) {
     return (dgfem_vec3 *)(void *)body->work + (size_t)k * (size_t)body->basis_count;
 }
 
-/* What a solver of the body's matrix needs. */
-static dgfem_status dgfemi_body_create_factor(dgfem_body *body) {
+/* What a solver of the body's matrix needs. After a change of topology the automatic choice may do without an analysis
+   of the matrix, and makes it when it is needed. */
+static dgfem_status dgfemi_body_create_factor(dgfem_body *body, const dgfem_step_solver *former) {
+    dgfem_solver solver = body->desc.solver;
     size_t vectors = DGFEMI_WORK_COUNT * 3 * (size_t)body->basis_count;
     dgfem_status status = DGFEM_OK;
-    if (body->desc.solver == DGFEM_SOLVER_PCG) {
-        vectors += dgfem_pcg_work_size(body->matrix);
-    } else {
-        dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
-        desc.hooks = body->hooks;
-        desc.hooks.log = NULL;
-        status = dgfem_cholesky_create(body->matrix, &desc, &body->cholesky);
-        if (status == DGFEM_ERROR_MEMORY) return status;
-        if (status)
-            return dgfemi_fail(&body->hooks, status, "Cholesky factor of %d elements", body->mesh->element_count);
-        body->cholesky->hooks.log = body->hooks.log;
-    }
-    if (body->desc.solver <= DGFEM_SOLVER_STALE) {
-        body->step_solver = dgfemi_step_solver_create(body->mesh, body->matrix, body->cholesky, &body->hooks);
+    if (solver == DGFEM_SOLVER_PCG || solver == DGFEM_SOLVER_SWEEPS) vectors += dgfem_pcg_work_size(body->matrix);
+    body->work = (dgfem_real *)dgfemi_allocate(&body->hooks, vectors, sizeof(dgfem_real));
+    if (!body->work) return DGFEM_ERROR_MEMORY;
+    if (solver == DGFEM_SOLVER_AUTO || solver == DGFEM_SOLVER_STALE || solver == DGFEM_SOLVER_SWEEPS) {
+        body->step_solver = dgfemi_step_solver_create(body->mesh, body->matrix, &body->hooks);
         if (!body->step_solver) return DGFEM_ERROR_MEMORY;
     }
-    body->work = (dgfem_real *)dgfemi_allocate(&body->hooks, vectors, sizeof(dgfem_real));
-    return body->work ? DGFEM_OK : DGFEM_ERROR_MEMORY;
+    if (solver == DGFEM_SOLVER_AUTO && former) {
+        body->step_solver->factor_work = former->factor_work;
+        body->step_solver->solve_work = former->solve_work;
+    } else if (solver != DGFEM_SOLVER_PCG && solver != DGFEM_SOLVER_SWEEPS) {
+        status = dgfemi_analyse_body(body);
+    }
+    return status;
 }
 
 static dgfem_status dgfemi_body_create_solver(dgfem_body *body) {
     dgfem_status status = dgfemi_body_create_matrix(body);
-    return status ? status : dgfemi_body_create_factor(body);
+    return status ? status : dgfemi_body_create_factor(body, NULL);
 }
 
 static dgfem_status dgfemi_body_build(dgfem_body *body, const dgfem_body_desc *desc) {

@@ -1,9 +1,11 @@
 #pragma once
-#include "embed.c"
-/* Embedding of points, second part: where each point sits, windows large enough for all, weights; what an earlier
+#include "embed_view.c"
+/* Embedding of points, third part: where each point sits, windows large enough for all; what an earlier
    embedding leaves to be kept; evaluation. */
 
 /* ---- the places of points ---- */
+
+#define DGFEM_OUTSIDE DGFEM_R(0.5) /* of the radius: windows are not evaluated farther outside an element */
 
 /* Where the windows of a point are evaluated: at the point, but not far outside its element. The affine fit extends to
    the point itself, so linear fields are reproduced wherever it is. */
@@ -23,8 +25,6 @@ static uint64_t dgfemi_hash_position(dgfem_vec3 x) {
     }
     return hash;
 }
-
-static int dgfemi_same_position(dgfem_vec3 a, dgfem_vec3 b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
 
 /* Which elements are those of an earlier embedding: the same centre and as many glued faces. */
 typedef struct dgfemi_kinship {
@@ -72,12 +72,14 @@ static int dgfemi_kinship_make(dgfemi_arena *arena, const dgfem_mesh *mesh, cons
 
 /* Where points are reached from. */
 typedef struct dgfemi_places {
-    int *element;       /* [points] */
-    dgfem_vec3 *window; /* [points] where windows are evaluated */
+    int *element;            /* [points] */
+    dgfem_vec3 *window;      /* [points] where windows are evaluated */
+    dgfemi_locator *locator; /* that found them */
 } dgfemi_places;
 
 /* 1 on success, 0 when out of memory. */
-static int dgfemi_places_allocate(dgfemi_arena *arena, int count, dgfemi_places *places) {
+static int dgfemi_places_allocate(dgfemi_arena *arena, int count, dgfemi_locator *locator, dgfemi_places *places) {
+    places->locator = locator;
     places->element = (int *)dgfemi_arena_allocate(arena, (size_t)count, sizeof(int));
     places->window = (dgfem_vec3 *)dgfemi_arena_allocate(arena, (size_t)count, sizeof(dgfem_vec3));
     return places->element && places->window;
@@ -85,9 +87,9 @@ static int dgfemi_places_allocate(dgfemi_arena *arena, int count, dgfemi_places 
 
 /* Points stay in elements that have stayed; others are reached from the element at their anchor, or where they have
    none (`anchors` may be NULL), at the point. `old`, of the same first points, and its kinship may be NULL. */
-static void dgfemi_places_find(dgfemi_locator *locator, const dgfem_vec3 *points, const dgfem_vec3 *anchors, int count,
+static void dgfemi_places_find(const dgfem_vec3 *points, const dgfem_vec3 *anchors, int count,
                                const dgfem_embedding *old, const dgfemi_kinship *kinship, dgfemi_places *places) {
-    const dgfem_mesh *mesh = locator->mesh;
+    const dgfem_mesh *mesh = places->locator->mesh;
     for (int p = 0; p < count; p++) {
         int home = DGFEM_NONE;
         dgfemi_location location;
@@ -97,7 +99,7 @@ static void dgfemi_places_find(dgfemi_locator *locator, const dgfem_vec3 *points
             places->element[p] = home, places->window[p] = old->point_window[p];
             continue;
         }
-        location = dgfemi_locate(locator, anchors ? anchors[p] : points[p]);
+        location = dgfemi_locate(places->locator, anchors ? anchors[p] : points[p]);
         if (anchors && !dgfemi_same_position(anchors[p], points[p]))
             location = dgfemi_locate_in(mesh, location.element, points[p]);
         places->element[p] = location.element;
@@ -113,10 +115,10 @@ static void dgfemi_places_find(dgfemi_locator *locator, const dgfem_vec3 *points
    hold of weights holds in any case. A point keeps its weights if its place, its element and its samples are the same,
    and neither an element come or gone nor a new sample lies within reach. */
 
-/* A box that changes weights within `limit` of it, but not nearer than `from`. */
+/* A box that changes the weights of points within `limit` of it, as far as windows go there. */
 typedef struct dgfemi_disturbance {
     dgfem_vec3 lower, upper;
-    dgfem_real from, limit;
+    dgfem_real limit;
 } dgfemi_disturbance;
 
 /* Points by their elements. */
@@ -146,23 +148,32 @@ static int dgfemi_crowds_make(dgfemi_arena *arena, const dgfem_embedding *embedd
     return 1;
 }
 
-/* Clears `calm` for the points that are disturbed. */
-static void dgfemi_crowds_disturb(const dgfemi_crowds *crowds, const dgfem_embedding *embedding, int element_count,
-                                  const dgfemi_disturbance *d, char *calm) {
-    dgfem_real from = d->from * d->from, limit = d->limit * d->limit;
-    for (int e = 0; e < element_count; e++) {
-        dgfem_vec3 near;
-        if (crowds->start[e] == crowds->start[e + 1]) continue;
-        near = dgfemi_min3(dgfemi_max3(d->lower, crowds->lower[e]), crowds->upper[e]);
-        if (!(dgfemi_box_square(d->lower, d->upper, near) < limit)) continue;
-        for (int i = crowds->start[e]; i < crowds->start[e + 1]; i++) {
+/* Clears `calm` for the points of one element that are disturbed. */
+static void dgfemi_crowd_disturb(const dgfemi_crowds *crowds, const dgfemi_sampling *sampling, int element,
+                                 const dgfemi_disturbance *disturbances, int count, char *calm) {
+    const dgfem_embedding *embedding = sampling->embedding;
+    dgfem_vec3 lower = crowds->lower[element], upper = crowds->upper[element];
+    dgfem_real reach = dgfemi_sampling_reach(sampling, lower, upper);
+    int left = 0;
+    for (int i = crowds->start[element]; i < crowds->start[element + 1]; i++) left += calm[crowds->point[i]];
+    for (int k = 0; left > 0 && k < count; k++) {
+        const dgfemi_disturbance *d = &disturbances[k];
+        dgfem_real limit = dgfemi_min(d->limit, reach), square = limit * limit;
+        if (!(dgfemi_boxes_square(d->lower, d->upper, lower, upper) < square)) continue;
+        for (int i = crowds->start[element]; i < crowds->start[element + 1]; i++) {
             int p = crowds->point[i];
-            dgfem_real square;
-            if (!calm[p]) continue;
-            square = dgfemi_box_square(d->lower, d->upper, embedding->point_window[p]);
-            if (square >= from && square < limit) calm[p] = 0;
+            if (!calm[p] || !(dgfemi_box_square(d->lower, d->upper, embedding->point_window[p]) < square)) continue;
+            calm[p] = 0;
+            left--;
         }
     }
+}
+
+static void dgfemi_crowds_disturb(const dgfemi_crowds *crowds, const dgfemi_sampling *sampling,
+                                  const dgfemi_disturbance *disturbances, int count, char *calm) {
+    for (int e = 0; e < sampling->mesh->element_count; e++)
+        if (crowds->start[e] < crowds->start[e + 1])
+            dgfemi_crowd_disturb(crowds, sampling, e, disturbances, count, calm);
 }
 
 typedef struct dgfemi_reuse {
@@ -184,9 +195,7 @@ static int dgfemi_embedding_sign(dgfem_embedding *embedding, const dgfemi_sampli
     embedding->element_centre = (dgfem_vec3 *)dgfemi_allocate(hooks, elements, sizeof(dgfem_vec3));
     embedding->element_glue = (int *)dgfemi_allocate(hooks, elements, sizeof(int));
     embedding->element_box = (dgfem_vec3 *)dgfemi_allocate(hooks, 2 * elements, sizeof(dgfem_vec3));
-    embedding->element_reach = (dgfem_real *)dgfemi_duplicate(hooks, sampling->reach, elements, sizeof(dgfem_real));
-    if (!embedding->sample_radius || !embedding->element_centre || !embedding->element_glue ||
-        !embedding->element_box || !embedding->element_reach)
+    if (!embedding->sample_radius || !embedding->element_centre || !embedding->element_glue || !embedding->element_box)
         return 0;
     for (int e = 0; e < mesh->element_count; e++) {
         embedding->element_centre[e] = mesh->elements[e].centre;
@@ -250,27 +259,32 @@ static int dgfemi_reuse_disturbs(const dgfemi_reuse *reuse, const dgfem_embeddin
     return 1;
 }
 
-/* Lets go of the weights that elements come or gone and new samples reach. */
-static void dgfemi_reuse_disturb(dgfemi_reuse *reuse, const dgfemi_sampling *sampling, const dgfemi_crowds *crowds) {
+/* Lets go of the weights that elements come or gone and new samples reach. Windows do not shrink: none of those that a
+   kept point's weights come from reaches farther than windows do now. 1 on success, 0 when out of memory. */
+static int dgfemi_reuse_disturb(dgfemi_arena *arena, dgfemi_reuse *reuse, const dgfemi_sampling *sampling,
+                                const dgfemi_crowds *crowds) {
     const dgfem_embedding *old = reuse->old, *embedding = sampling->embedding;
-    int elements = sampling->mesh->element_count;
-    dgfemi_disturbance d;
-    d.from = 0;
+    int elements = sampling->mesh->element_count, count = 0;
+    size_t most = (size_t)elements + (size_t)old->element_count + (size_t)embedding->sample_count;
+    dgfemi_disturbance *d = (dgfemi_disturbance *)dgfemi_arena_allocate(arena, most, sizeof *d);
+    if (!d) return 0;
     for (int e = 0; e < elements; e++) {
         if (reuse->kinship.old_element[e] != DGFEM_NONE) continue;
-        d.lower = sampling->locator->lower[e], d.upper = sampling->locator->upper[e], d.limit = sampling->reach[e];
-        dgfemi_crowds_disturb(crowds, embedding, elements, &d, reuse->keep);
+        d[count].lower = sampling->locator->lower[e], d[count].upper = sampling->locator->upper[e];
+        d[count++].limit = (dgfem_real)HUGE_VAL;
     }
     for (int e = 0; e < old->element_count; e++) {
         if (reuse->kinship.new_element[e] != DGFEM_NONE) continue;
-        d.lower = old->element_box[2 * e], d.upper = old->element_box[2 * e + 1], d.limit = old->element_reach[e];
-        dgfemi_crowds_disturb(crowds, embedding, elements, &d, reuse->keep);
+        d[count].lower = old->element_box[2 * e], d[count].upper = old->element_box[2 * e + 1];
+        d[count++].limit = (dgfem_real)HUGE_VAL;
     }
     for (int s = 0; s < embedding->sample_count; s++) {
         if (!dgfemi_reuse_disturbs(reuse, embedding, s)) continue;
-        d.lower = d.upper = embedding->samples[s], d.limit = sampling->radius[s];
-        dgfemi_crowds_disturb(crowds, embedding, elements, &d, reuse->keep);
+        d[count].lower = d[count].upper = embedding->samples[s];
+        d[count++].limit = sampling->radius[s];
     }
+    dgfemi_crowds_disturb(crowds, sampling, d, count, reuse->keep);
+    return 1;
 }
 
 /* Finds the samples that are the same. 1 on success. */
@@ -298,10 +312,10 @@ typedef struct dgfemi_weights {
     char *open;         /* [points] 1: has no weights yet */
 } dgfemi_weights;
 
-/* The query's samples and weights become those of the point. 1 on success. */
-static int dgfemi_weights_append(dgfemi_weights *weights, const dgfemi_query *query, int point) {
-    int needed = weights->used + query->count;
-    if (query->count > INT_MAX - weights->used) return 0;
+/* The weights of a view's i-th point. 1 on success. */
+static int dgfemi_weights_append(dgfemi_weights *weights, const dgfemi_view *view, int i) {
+    int point = view->points[i], first = view->first[i], count = view->count[i], needed = weights->used + count;
+    if (count > INT_MAX - weights->used) return 0;
     if (needed > weights->sample_capacity) {
         void *grown = dgfemi_grow(weights->hooks, weights->sample, &weights->sample_capacity, needed, sizeof(int));
         if (!grown) return 0;
@@ -313,141 +327,148 @@ static int dgfemi_weights_append(dgfemi_weights *weights, const dgfemi_query *qu
         if (!grown) return 0;
         weights->weight = (dgfem_real *)grown;
     }
-    memcpy(weights->sample + weights->used, query->sample, (size_t)query->count * sizeof(int));
-    memcpy(weights->weight + weights->used, query->weight, (size_t)query->count * sizeof(dgfem_real));
-    weights->first[point] = weights->used, weights->count[point] = query->count;
+    memcpy(weights->sample + weights->used, view->seen_sample + first, (size_t)count * sizeof(int));
+    memcpy(weights->weight + weights->used, view->weight + first, (size_t)count * sizeof(dgfem_real));
+    weights->first[point] = weights->used, weights->count[point] = count;
     weights->open[point] = 0;
     weights->used = needed;
     return 1;
 }
 
-/* Weighs a point if the samples that reach it, `round` enlargements on, determine the fit; else it stays open. 1 on
-   success, 0 when out of memory. */
-static int dgfemi_weights_try(dgfemi_weights *weights, dgfemi_query *query, int point, int round) {
-    const dgfemi_sampling *sampling = query->sampling;
-    const dgfem_embedding *embedding = sampling->embedding;
-    dgfem_vec3 x = embedding->points[point];
-    int home = embedding->point_element[point], found;
-    dgfemi_fit fit;
-    dgfemi_query_run(query, home, embedding->point_window[point]);
-    found = round >= DGFEM_MAX_ROUNDS ||
-            query->count == sampling->component_samples[sampling->component[home]]; /* there are no more */
-    if (!found && query->count < DGFEM_MIN_POINT_SAMPLES) return 1;
-    dgfemi_query_normalize(query);
-    dgfemi_query_sort(query);
-    dgfemi_query_fit(query, x, &fit);
-    if (!found && round < DGFEM_CONDITION_ROUNDS && !(fit.moment[0] * DGFEM_MAX_CONDITION > fit.moment[2])) return 1;
-    if (dgfemi_fit_is_flat(&fit)) {
-        dgfemi_query_take_element(query, home);
-        dgfemi_query_fit(query, x, &fit);
-    }
-    dgfemi_query_weights(query, &fit, x);
-    return dgfemi_weights_append(weights, query, point);
+/* Views that are worked on at once, by as many threads as there are. */
+enum { DGFEMI_VIEWS = 16 };
+
+typedef struct dgfemi_round {
+    dgfemi_weights *weights;
+    dgfemi_viewer *viewer;
+    int number;    /* how often windows have been enlarged */
+    char *enlarge; /* [samples] 1: around points that are poorly served */
+    int poor;      /* such points */
+    dgfemi_arena arena;
+    dgfemi_view views[DGFEMI_VIEWS];
+    int view_count;
+    int *list; /* [points] open ones, in the order of their elements */
+} dgfemi_round;
+
+static void dgfemi_round_range(void *context, int first, int last) {
+    dgfemi_round *round = (dgfemi_round *)context;
+    for (int i = first; i < last; i++) dgfemi_view_weigh_all(&round->views[i], round->number);
 }
 
-static void dgfemi_mark_samples(const dgfemi_sampling *sampling, int element, char *enlarge) {
-    for (int i = sampling->element_start[element]; i < sampling->element_start[element + 1]; i++)
-        enlarge[sampling->element_sample[i]] = 1;
-}
-
-/* Marks the samples of the elements that the query has visited and of their neighbours. */
-static void dgfemi_query_mark(const dgfemi_query *query, char *enlarge) {
-    const dgfemi_sampling *sampling = query->sampling;
-    for (int i = 0; i < query->visited_count; i++) {
-        int e = query->visited[i];
-        dgfemi_mark_samples(sampling, e, enlarge);
-        for (int k = sampling->neighbour_start[e]; k < sampling->neighbour_start[e + 1]; k++)
-            dgfemi_mark_samples(sampling, sampling->neighbour[k], enlarge);
+/* Marks the samples of the elements in view and of their neighbours. */
+static void dgfemi_round_mark(dgfemi_round *round, const dgfemi_view *view) {
+    const dgfemi_sampling *sampling = round->viewer->sampling;
+    for (int i = 0; i < view->element_count; i++) {
+        int e = view->element[i];
+        for (int k = sampling->neighbour_start[e] - 1; k < sampling->neighbour_start[e + 1]; k++) {
+            int element = k < sampling->neighbour_start[e] ? e : sampling->neighbour[k];
+            for (int j = sampling->element_start[element]; j < sampling->element_start[element + 1]; j++)
+                round->enlarge[sampling->element_sample[j]] = 1;
+        }
     }
 }
 
-static void dgfemi_sampling_enlarge(dgfemi_sampling *sampling, const char *enlarge) {
-    for (int s = 0; s < sampling->embedding->sample_count; s++) {
-        if (!enlarge[s]) continue;
-        sampling->radius[s] *= DGFEM_ENLARGE;
-        dgfemi_sampling_flood(sampling, s);
+/* Weighs the points of all views. 1 on success. */
+static int dgfemi_round_flush(dgfemi_round *round) {
+    int ok = 1;
+    dgfemi_parallel_for(round->weights->hooks, round->view_count, 1, dgfemi_round_range, round);
+    for (int v = 0; v < round->view_count; v++) {
+        const dgfemi_view *view = &round->views[v];
+        int poor = 0;
+        for (int i = 0; ok && i < view->point_count; i++) {
+            if (view->count[i] == DGFEM_NONE) poor++;
+            else ok = dgfemi_weights_append(round->weights, view, i);
+        }
+        if (poor > 0) dgfemi_round_mark(round, view);
+        round->poor += poor;
     }
+    dgfemi_arena_reuse(&round->arena);
+    round->view_count = 0;
+    return ok;
 }
 
-/* Opens the points that enlarged windows reach, and those that see through elements that nothing saw through before. */
+/* Weighs all open points that are well served, or, after the last enlargement, all. 1 on success. */
+static int dgfemi_round_run(dgfemi_round *round, const dgfemi_crowds *crowds) {
+    int ok = 1, used = 0;
+    round->poor = round->view_count = 0;
+    for (int e = 0; ok && e < round->viewer->sampling->mesh->element_count; e++) {
+        int first = used;
+        for (int i = crowds->start[e]; i < crowds->start[e + 1]; i++)
+            if (round->weights->open[crowds->point[i]]) round->list[used++] = crowds->point[i];
+        for (int count; ok && first < used; first += count) {
+            count = used - first < DGFEM_VIEW_POINTS ? used - first : DGFEM_VIEW_POINTS;
+            ok = dgfemi_view_make(&round->arena, round->viewer, e, round->list + first, count,
+                                  &round->views[round->view_count++]);
+            if (ok && round->view_count == DGFEMI_VIEWS) ok = dgfemi_round_flush(round);
+        }
+    }
+    ok = ok && dgfemi_round_flush(round);
+    dgfemi_arena_free(&round->arena);
+    return ok;
+}
+
+/* Opens the points that enlarged windows reach; radius: what they were. */
 static void dgfemi_weights_reopen(dgfemi_weights *weights, const dgfemi_sampling *sampling, const dgfemi_crowds *crowds,
-                                  const dgfem_real *radius, const dgfem_real *reach, dgfemi_reuse *reuse, char *calm) {
+                                  const dgfem_real *radius, dgfemi_disturbance *d, dgfemi_reuse *reuse, char *calm) {
     const dgfem_embedding *embedding = sampling->embedding;
-    int elements = sampling->mesh->element_count;
-    dgfemi_disturbance d;
+    int count = 0;
     memset(calm, 1, (size_t)embedding->point_count);
     for (int s = 0; s < embedding->sample_count; s++) {
         if (!(sampling->radius[s] > radius[s])) continue;
-        d.lower = d.upper = embedding->samples[s], d.from = 0, d.limit = sampling->radius[s];
-        dgfemi_crowds_disturb(crowds, embedding, elements, &d, calm);
+        d[count].lower = d[count].upper = embedding->samples[s];
+        d[count++].limit = sampling->radius[s];
     }
-    for (int e = 0; e < elements; e++) {
-        if (!(sampling->reach[e] > reach[e])) continue;
-        d.lower = sampling->locator->lower[e], d.upper = sampling->locator->upper[e];
-        d.from = reach[e], d.limit = sampling->reach[e];
-        dgfemi_crowds_disturb(crowds, embedding, elements, &d, calm);
-    }
+    dgfemi_crowds_disturb(crowds, sampling, d, count, calm);
     for (int p = 0; p < embedding->point_count; p++)
         if (!calm[p]) weights->open[p] = 1, reuse->keep[p] = 0;
 }
 
 /* Weighs all open points. Enlarges the windows of the samples around poorly served ones, once per round, until all are
    served; then points that the larger windows reach are weighed again. 1 on success. */
-static int dgfemi_weights_make(dgfemi_arena *arena, dgfemi_weights *weights, dgfemi_query *query,
+static int dgfemi_weights_make(dgfemi_arena *arena, dgfemi_weights *weights, dgfemi_sampling *sampling,
                                const dgfemi_crowds *crowds, dgfemi_reuse *reuse) {
-    dgfemi_sampling *sampling = query->sampling;
     const dgfem_embedding *embedding = sampling->embedding;
-    size_t samples = (size_t)embedding->sample_count, elements = (size_t)sampling->mesh->element_count;
+    size_t samples = (size_t)embedding->sample_count, points = (size_t)embedding->point_count;
     dgfem_real *radius = (dgfem_real *)dgfemi_arena_allocate(arena, samples, sizeof(dgfem_real));
-    dgfem_real *reach = (dgfem_real *)dgfemi_arena_allocate(arena, elements, sizeof(dgfem_real));
+    dgfemi_disturbance *d = (dgfemi_disturbance *)dgfemi_arena_allocate(arena, samples, sizeof *d);
+    dgfemi_round *round = (dgfemi_round *)dgfemi_arena_allocate_zero(arena, 1, sizeof *round);
     char *enlarge = (char *)dgfemi_arena_allocate(arena, samples, 1);
-    char *calm = (char *)dgfemi_arena_allocate(arena, (size_t)embedding->point_count, 1);
-    int round = 0;
-    if (!radius || !reach || !enlarge || !calm) return 0;
+    char *calm = (char *)dgfemi_arena_allocate(arena, points, 1);
+    int *list = (int *)dgfemi_arena_allocate(arena, points, sizeof(int));
+    dgfemi_viewer viewer;
+    if (!radius || !d || !round || !enlarge || !calm || !list) return 0;
+    if (!dgfemi_viewer_make(arena, sampling, &viewer)) return 0;
     memcpy(radius, sampling->radius, samples * sizeof(dgfem_real));
-    memcpy(reach, sampling->reach, elements * sizeof(dgfem_real));
-    for (; round < DGFEM_MAX_ROUNDS; round++) {
-        int poor = 0;
+    round->weights = weights, round->viewer = &viewer, round->enlarge = enlarge, round->list = list;
+    round->arena = dgfemi_arena_make(weights->hooks);
+    for (; round->number < DGFEM_MAX_ROUNDS; round->number++) {
         memset(enlarge, 0, samples);
-        for (int p = 0; p < embedding->point_count; p++) {
-            if (!weights->open[p]) continue;
-            if (!dgfemi_weights_try(weights, query, p, round)) return 0;
-            if (!weights->open[p]) continue;
-            poor++;
-            dgfemi_query_mark(query, enlarge);
-        }
-        if (poor == 0) break;
-        dgfemi_sampling_enlarge(sampling, enlarge);
+        if (!dgfemi_round_run(round, crowds)) return 0;
+        if (round->poor == 0) break;
+        for (size_t s = 0; s < samples; s++)
+            if (enlarge[s]) sampling->radius[s] *= DGFEM_ENLARGE;
+        dgfemi_sampling_spread(sampling);
     }
-    if (round == 0) return 1;
-    dgfemi_weights_reopen(weights, sampling, crowds, radius, reach, reuse, calm);
-    for (int p = 0; p < embedding->point_count; p++)
-        if (weights->open[p] && !dgfemi_weights_try(weights, query, p, DGFEM_MAX_ROUNDS)) return 0;
-    return 1;
+    if (round->number == 0) return 1;
+    dgfemi_weights_reopen(weights, sampling, crowds, radius, d, reuse, calm);
+    round->number = DGFEM_MAX_ROUNDS;
+    return dgfemi_round_run(round, crowds);
 }
 
-/* The old weights of a point; sorted in the query, whose samples may number as many. */
-static void dgfemi_reuse_weights(const dgfemi_reuse *reuse, int point, dgfemi_query *query, int *samples,
-                                 dgfem_real *weights) {
+/* The old weights of a point, with the samples in ascending order again: most are already. */
+static void dgfemi_reuse_weights(const dgfemi_reuse *reuse, int point, int *samples, dgfem_real *weights) {
     const dgfem_embedding *old = reuse->old;
-    int first = old->weight_start[point], count = old->weight_start[point + 1] - first, sorted = 1;
-    memcpy(weights, old->weight + first, (size_t)count * sizeof(dgfem_real));
+    int first = old->weight_start[point], count = old->weight_start[point + 1] - first;
     for (int i = 0; i < count; i++) {
-        samples[i] = reuse->new_sample[old->weight_sample[first + i]];
-        if (i > 0 && samples[i] < samples[i - 1]) sorted = 0;
+        int sample = reuse->new_sample[old->weight_sample[first + i]], j = i;
+        for (; j > 0 && samples[j - 1] > sample; j--) samples[j] = samples[j - 1], weights[j] = weights[j - 1];
+        samples[j] = sample, weights[j] = old->weight[first + i];
     }
-    if (sorted) return;
-    query->count = count;
-    memcpy(query->sample, samples, (size_t)count * sizeof(int));
-    memcpy(query->theta, weights, (size_t)count * sizeof(dgfem_real));
-    dgfemi_query_sort(query);
-    memcpy(samples, query->sample, (size_t)count * sizeof(int));
-    memcpy(weights, query->theta, (size_t)count * sizeof(dgfem_real));
 }
 
 /* All points' weights, kept or new, in the order of the points. 1 on success. */
-static int dgfemi_embedding_gather(dgfem_embedding *embedding, const dgfemi_weights *weights, const dgfemi_reuse *reuse,
-                                   dgfemi_query *query) {
+static int dgfemi_embedding_gather(dgfem_embedding *embedding, const dgfemi_weights *weights,
+                                   const dgfemi_reuse *reuse) {
     int total = 0;
     for (int p = 0; p < embedding->point_count; p++) {
         int count = reuse->keep[p] ? reuse->old->weight_start[p + 1] - reuse->old->weight_start[p] : weights->count[p];
@@ -463,7 +484,7 @@ static int dgfemi_embedding_gather(dgfem_embedding *embedding, const dgfemi_weig
         int *samples = embedding->weight_sample + embedding->weight_start[p];
         dgfem_real *values = embedding->weight + embedding->weight_start[p];
         if (reuse->keep[p]) {
-            dgfemi_reuse_weights(reuse, p, query, samples, values);
+            dgfemi_reuse_weights(reuse, p, samples, values);
             continue;
         }
         memcpy(samples, weights->sample + weights->first[p], (size_t)weights->count[p] * sizeof(int));
@@ -474,7 +495,7 @@ static int dgfemi_embedding_gather(dgfem_embedding *embedding, const dgfemi_weig
 
 /* Weights of all points that do not keep theirs. 1 on success, 0 when out of memory. */
 static int dgfemi_embedding_weigh(dgfemi_arena *arena, dgfem_embedding *embedding, dgfemi_sampling *sampling,
-                                  dgfemi_query *query, dgfemi_reuse *reuse) {
+                                  dgfemi_reuse *reuse) {
     size_t points = (size_t)embedding->point_count;
     dgfemi_crowds crowds;
     dgfemi_weights weights;
@@ -489,11 +510,11 @@ static int dgfemi_embedding_weigh(dgfemi_arena *arena, dgfem_embedding *embeddin
     if (reuse->old) {
         for (int p = 0; p < embedding->point_count && p < reuse->old->point_count; p++)
             reuse->keep[p] = (char)dgfemi_reuse_is_same(reuse, embedding, p);
-        dgfemi_reuse_disturb(reuse, sampling, &crowds);
+        if (!dgfemi_reuse_disturb(arena, reuse, sampling, &crowds)) return 0;
     }
     for (int p = 0; p < embedding->point_count; p++) weights.open[p] = !reuse->keep[p];
-    ok = dgfemi_weights_make(arena, &weights, query, &crowds, reuse) &&
-         dgfemi_embedding_gather(embedding, &weights, reuse, query);
+    ok = dgfemi_weights_make(arena, &weights, sampling, &crowds, reuse) &&
+         dgfemi_embedding_gather(embedding, &weights, reuse);
     dgfemi_free(&embedding->hooks, weights.sample);
     dgfemi_free(&embedding->hooks, weights.weight);
     return ok;
@@ -530,29 +551,26 @@ static int dgfemi_embedding_build(dgfemi_arena *arena, const dgfem_body *body, c
     dgfemi_places found;
     dgfemi_reuse reuse;
     dgfemi_sampling sampling;
-    dgfemi_query query;
     memset(&reuse, 0, sizeof reuse);
     reuse.old = old;
     reuse.keep = (char *)dgfemi_arena_allocate_zero(arena, points, 1);
+    if (places) found = *places;
+    else if (!dgfemi_locator_make(arena, body->mesh, &locator) ||
+             !dgfemi_places_allocate(arena, embedding->point_count, &locator, &found))
+        return 0;
     if (!reuse.keep || !dgfemi_embedding_choose_samples(arena, embedding, body, corners) ||
-        !dgfemi_locator_make(arena, body->mesh, &locator) ||
-        !dgfemi_sampling_make(arena, body->mesh, embedding, &locator, &sampling) ||
-        !dgfemi_query_make(arena, &sampling, &query) ||
+        !dgfemi_sampling_make(arena, body->mesh, embedding, found.locator, &sampling) ||
         (old && !dgfemi_kinship_make(arena, body->mesh, old, &reuse.kinship)) ||
         (old && !dgfemi_reuse_make(arena, &reuse, &sampling)))
         return 0;
-    if (places) {
-        found = *places;
-    } else {
-        if (!dgfemi_places_allocate(arena, embedding->point_count, &found)) return 0;
-        dgfemi_places_find(&locator, embedding->points, anchors, embedding->point_count, old, &reuse.kinship, &found);
-    }
+    if (!places)
+        dgfemi_places_find(embedding->points, anchors, embedding->point_count, old, &reuse.kinship, &found);
     if (points > 0) {
         memcpy(embedding->point_element, found.element, points * sizeof(int));
         memcpy(embedding->point_window, found.window, points * sizeof(dgfem_vec3));
     }
-    dgfemi_sampling_update_reach(&sampling);
-    return dgfemi_embedding_weigh(arena, embedding, &sampling, &query, &reuse) &&
+    dgfemi_sampling_spread(&sampling);
+    return dgfemi_embedding_weigh(arena, embedding, &sampling, &reuse) &&
            dgfemi_embedding_sign(embedding, &sampling);
 }
 
@@ -575,7 +593,6 @@ DGFEM_API void dgfem_embedding_destroy(dgfem_embedding *embedding) {
     dgfemi_free(&hooks, embedding->element_centre);
     dgfemi_free(&hooks, embedding->element_glue);
     dgfemi_free(&hooks, embedding->element_box);
-    dgfemi_free(&hooks, embedding->element_reach);
     dgfemi_free(&hooks, embedding);
 }
 

@@ -460,53 +460,66 @@ static void DGFEM_PATH(dgfemi_solve_panel_transposed)(const dgfemi_panel *p, dgf
 
 /* ---- products with row-major blocks ---- */
 
-/* y += A x, and with `both` w += A^T z, for `vectors` vectors of columns: the block is read once. */
-DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors, int both,
-                                                      const dgfem_real *x, dgfem_real *y, const dgfem_real *z,
-                                                      dgfem_real *w) {
+/* With `direct` y += A x, with `transposed` w += A^T z, for `vectors` vectors of columns: the block is read once. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors,
+                                                      int direct, int transposed, const dgfem_real *x, dgfem_real *y,
+                                                      const dgfem_real *z, dgfem_real *w) {
     DGFEM_VECTOR in[DGFEM_VECTORS], out[DGFEM_VECTORS];
     int i, v, n, k;
     DGFEM_UNROLL
     for (v = 0; v < vectors; v++) {
-        in[v] = DGFEM_V_LOAD(x + v * DGFEM_V_LANES);
-        out[v] = both ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
+        in[v] = DGFEM_V_LOAD((direct ? x : w) + v * DGFEM_V_LANES);
+        out[v] = transposed ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
     }
     for (i = 0; i < rows; i++, a += stride) {
-        dgfem_real parts[DGFEM_V_LANES];
-        DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(a), in[0]), factor = DGFEM_V_ALL(both ? z[i] : 0);
-        DGFEM_UNROLL
-        for (v = 1; v < vectors; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), in[v], sum);
-        DGFEM_UNROLL
-        for (v = 0; v < vectors; v++)
-            if (both) out[v] = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), factor, out[v]);
-        DGFEM_V_STORE(parts, sum);
-        DGFEM_UNROLL
-        for (n = DGFEM_V_LANES / 2; n > 0; n /= 2)
-            for (k = 0; k < n; k++) parts[k] += parts[k + n];
-        y[i] += parts[0];
+        if (transposed) {
+            DGFEM_VECTOR factor = DGFEM_V_ALL(z[i]);
+            DGFEM_UNROLL
+            for (v = 0; v < vectors; v++) out[v] = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), factor, out[v]);
+        }
+        if (direct) {
+            dgfem_real parts[DGFEM_V_LANES];
+            DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(a), in[0]);
+            DGFEM_UNROLL
+            for (v = 1; v < vectors; v++) sum = DGFEM_V_FMA(DGFEM_V_LOAD(a + v * DGFEM_V_LANES), in[v], sum);
+            DGFEM_V_STORE(parts, sum);
+            DGFEM_UNROLL
+            for (n = DGFEM_V_LANES / 2; n > 0; n /= 2)
+                for (k = 0; k < n; k++) parts[k] += parts[k + n];
+            y[i] += parts[0];
+        }
     }
     DGFEM_UNROLL
     for (v = 0; v < vectors; v++)
-        if (both) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
+        if (transposed) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
 }
 
-/* y += A x and, unless z is NULL, w += A^T z. */
+/* The same for all columns that vectors hold; returns the first column that is left. */
+DGFEM_INLINE int DGFEM_PATH(dgfemi_multiply_all)(const dgfem_real *a, int rows, int columns, int direct, int transposed,
+                                                 const dgfem_real *x, dgfem_real *y, const dgfem_real *z,
+                                                 dgfem_real *w) {
+    const int wide = DGFEM_STRIP;
+    int j = 0;
+    for (; j + wide <= columns; j += wide)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, direct, transposed,
+                                            direct ? x + j : NULL, y, z, transposed ? w + j : NULL);
+    for (; j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
+        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, direct, transposed, direct ? x + j : NULL, y, z,
+                                            transposed ? w + j : NULL);
+    return j;
+}
+
+/* y += A x, unless x is NULL, and w += A^T z, unless z is NULL. */
 static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int columns, const dgfem_real *x,
                                               dgfem_real *y, const dgfem_real *z, dgfem_real *w) {
-    const int wide = DGFEM_STRIP;
-    int j = 0, i;
-    for (; z && j + wide <= columns; j += wide)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 1, x + j, y, z, w + j);
-    for (; z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 1, x + j, y, z, w + j);
-    for (; !z && j + wide <= columns; j += wide)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, DGFEM_VECTORS, 0, x + j, y, NULL, NULL);
-    for (; !z && j + DGFEM_V_LANES <= columns; j += DGFEM_V_LANES)
-        DGFEM_PATH(dgfemi_multiply_columns)(a + j, columns, rows, 1, 0, x + j, y, NULL, NULL);
+    int j, i;
+    if (x && z) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 1, x, y, z, w);
+    else if (x) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 0, x, y, NULL, NULL);
+    else j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 0, 1, NULL, NULL, z, w);
     for (; j < columns; j++)
         for (i = 0; i < rows; i++) {
             dgfem_real value = a[(size_t)i * (size_t)columns + (size_t)j];
-            y[i] += value * x[j];
+            if (x) y[i] += value * x[j];
             if (z) w[j] += value * z[i];
         }
 }

@@ -48,16 +48,30 @@ static void dgfemi_locator_resolution(dgfemi_locator *locator, dgfem_vec3 extent
     for (int axis = 0; axis < 3; axis++) locator->size[axis] = (int)(dgfemi_axis(extent, axis) / locator->cell) + 1;
 }
 
+static int dgfemi_locator_bucket_count(const dgfemi_locator *locator) {
+    return locator->size[0] * locator->size[1] * locator->size[2];
+}
+
+/* The buckets that a box meets: first <= i, j, k <= last. What lies outside of them all belongs to the outermost ones. */
+typedef struct dgfemi_locator_range {
+    int first[3], last[3];
+} dgfemi_locator_range;
+
+static dgfemi_locator_range dgfemi_locator_range_of(const dgfemi_locator *locator, dgfem_vec3 lower, dgfem_vec3 upper) {
+    dgfemi_locator_range range;
+    for (int axis = 0; axis < 3; axis++) {
+        range.first[axis] = dgfemi_locator_coordinate(locator, lower, axis);
+        range.last[axis] = dgfemi_locator_coordinate(locator, upper, axis);
+    }
+    return range;
+}
+
 /* For each bucket that the box of an element meets: counts the element (elements NULL) or enters it. */
 static void dgfemi_locator_enter(const dgfemi_locator *locator, int element, int *counts, int *elements) {
-    int first[3], last[3];
-    for (int axis = 0; axis < 3; axis++) {
-        first[axis] = dgfemi_locator_coordinate(locator, locator->lower[element], axis);
-        last[axis] = dgfemi_locator_coordinate(locator, locator->upper[element], axis);
-    }
-    for (int k = first[2]; k <= last[2]; k++)
-        for (int j = first[1]; j <= last[1]; j++)
-            for (int i = first[0]; i <= last[0]; i++) {
+    dgfemi_locator_range range = dgfemi_locator_range_of(locator, locator->lower[element], locator->upper[element]);
+    for (int k = range.first[2]; k <= range.last[2]; k++)
+        for (int j = range.first[1]; j <= range.last[1]; j++)
+            for (int i = range.first[0]; i <= range.last[0]; i++) {
                 int bucket = dgfemi_locator_bucket(locator, i, j, k);
                 if (elements) elements[counts[bucket]] = element;
                 counts[bucket]++;
@@ -84,7 +98,7 @@ static int dgfemi_locator_make(dgfemi_arena *arena, const dgfem_mesh *mesh, dgfe
         upper = dgfemi_max3(upper, locator->upper[e]);
     }
     dgfemi_locator_resolution(locator, dgfemi_sub(upper, locator->origin));
-    buckets = locator->size[0] * locator->size[1] * locator->size[2];
+    buckets = dgfemi_locator_bucket_count(locator);
     locator->bucket_start = (int *)dgfemi_arena_allocate_zero(arena, (size_t)buckets + 1, sizeof(int));
     fill = (int *)dgfemi_arena_allocate_zero(arena, (size_t)buckets, sizeof(int));
     if (!locator->bucket_start || !fill) return 0;
@@ -241,10 +255,16 @@ static int dgfemi_face_is_farther(const dgfem_face *face, dgfem_vec3 x, dgfem_re
 
 /* Squared distance from a box. */
 static dgfem_real dgfemi_box_square(dgfem_vec3 lower, dgfem_vec3 upper, dgfem_vec3 x) {
-    dgfem_real dx = x.x < lower.x ? lower.x - x.x : x.x > upper.x ? x.x - upper.x : 0;
-    dgfem_real dy = x.y < lower.y ? lower.y - x.y : x.y > upper.y ? x.y - upper.y : 0;
-    dgfem_real dz = x.z < lower.z ? lower.z - x.z : x.z > upper.z ? x.z - upper.z : 0;
+    dgfem_real dx = dgfemi_max(dgfemi_max(lower.x - x.x, x.x - upper.x), 0);
+    dgfem_real dy = dgfemi_max(dgfemi_max(lower.y - x.y, x.y - upper.y), 0);
+    dgfem_real dz = dgfemi_max(dgfemi_max(lower.z - x.z, x.z - upper.z), 0);
     return dx * dx + dy * dy + dz * dz;
+}
+
+/* Squared distance between two boxes. */
+static dgfem_real dgfemi_boxes_square(dgfem_vec3 lower, dgfem_vec3 upper, dgfem_vec3 other_lower,
+                                      dgfem_vec3 other_upper) {
+    return dgfemi_box_square(lower, upper, dgfemi_min3(dgfemi_max3(lower, other_lower), other_upper));
 }
 
 static dgfem_real dgfemi_box_distance(dgfem_vec3 lower, dgfem_vec3 upper, dgfem_vec3 x) {

@@ -436,7 +436,7 @@ static dgfem_status dgfemi_renewal_make_solver(dgfemi_renewal *r) {
     dgfem_status status = dgfemi_body_create_matrix(&r->next);
     if (status) return status;
     r->solver_kept = dgfemi_same_pattern(r->body->matrix, r->next.matrix);
-    if (!r->solver_kept) return dgfemi_body_create_factor(&r->next);
+    if (!r->solver_kept) return dgfemi_body_create_factor(&r->next, r->body->step_solver);
     dgfem_matrix_destroy(r->next.matrix);
     r->next.matrix = r->body->matrix, r->next.cholesky = r->body->cholesky, r->next.work = r->body->work;
     r->next.step_solver = r->body->step_solver;

@@ -416,7 +416,7 @@ static void dgfemi_wall_flip_all(dgfemi_wall_mesh *w) {
         for (int i = 0; i < w->cutter->cap_triangles.count; i++) {
             const int *corners = w->cutter->cap_triangles.data;
             int other = w->neighbour.data[i];
-            if (other == DGFEM_NONE) continue;
+            if (other < i) continue; /* each edge once, and not the boundary */
             if (!dgfemi_wall_should_flip(w, corners[i], corners[other], corners[dgfemi_wall_before(i)],
                                          corners[dgfemi_wall_before(other)]))
                 continue;

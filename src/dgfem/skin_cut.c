@@ -161,6 +161,11 @@ static int dgfemi_skin_find_sides(dgfemi_arena *arena, const dgfemi_skin_cutter 
     return 1;
 }
 
+/* Whether an element may lie nearer to x than a distance. */
+static int dgfemi_skin_is_nearer(const dgfemi_locator *locator, int element, dgfem_vec3 x, dgfem_real distance) {
+    return dgfemi_box_square(locator->lower[element], locator->upper[element], x) < distance * distance;
+}
+
 /* The element on a side that is nearest to x, of those around `element`; it must be reached through glued faces and
    through this cut, not through earlier ones. Without any the element itself. */
 static dgfemi_location dgfemi_skin_nearest_on_side(dgfemi_blade_sides *sides, const dgfemi_locator *locator,
@@ -172,6 +177,7 @@ static dgfemi_location dgfemi_skin_nearest_on_side(dgfemi_blade_sides *sides, co
     sides->queue[0] = element, sides->mark[element] = ++sides->stamp;
     for (int i = 0; i < count; i++) {
         const dgfem_element *e = &mesh->elements[sides->queue[i]];
+        if (!dgfemi_skin_is_nearer(locator, sides->queue[i], x, best.distance)) continue;
         if (sides->sign[sides->queue[i]] == side) {
             dgfemi_location location = dgfemi_locate_in(mesh, sides->queue[i], x);
             if (location.distance < best.distance) best = location;
@@ -181,7 +187,7 @@ static dgfemi_location dgfemi_skin_nearest_on_side(dgfemi_blade_sides *sides, co
             int other = face->element[face->element[0] == sides->queue[i]];
             if (other == DGFEM_NONE || sides->mark[other] == sides->stamp) continue;
             if (face->cut && !sides->on_blade[mesh->element_faces[k]]) continue;
-            if (!(dgfemi_box_distance(locator->lower[other], locator->upper[other], x) < best.distance)) continue;
+            if (!dgfemi_skin_is_nearer(locator, other, x, best.distance)) continue;
             sides->mark[other] = sides->stamp;
             sides->queue[count++] = other;
         }
@@ -189,16 +195,31 @@ static dgfemi_location dgfemi_skin_nearest_on_side(dgfemi_blade_sides *sides, co
     return best.element == DGFEM_NONE ? dgfemi_locate_in(mesh, element, x) : best;
 }
 
+/* The vertex that a new one is a copy of, on the same side of the cut; DGFEM_NONE: there is none. */
+static int dgfemi_skin_twin(const dgfemi_skin_cutter *c, int vertex) {
+    const dgfemi_skin_vertex *v = &c->vertices[vertex], *parent;
+    if (vertex < c->skin->vertex_count || v->parent[0] == DGFEM_NONE || v->parent[0] != v->parent[1]) return DGFEM_NONE;
+    parent = &c->vertices[v->parent[0]];
+    return parent->side == v->side && parent->slit == v->slit ? v->parent[0] : DGFEM_NONE;
+}
+
 /* Places of the vertices of the result; those at the cut get anchors on their own side. The skin's own vertices are
    where they were if their elements are; `kinship` NULL: all are. */
-static void dgfemi_skin_place(dgfemi_skin_cutter *c, dgfemi_locator *locator, dgfemi_blade_sides *sides,
-                              const dgfemi_kinship *kinship, dgfemi_places *places) {
+static void dgfemi_skin_place(dgfemi_skin_cutter *c, dgfemi_blade_sides *sides, const dgfemi_kinship *kinship,
+                              dgfemi_places *places) {
+    dgfemi_locator *locator = places->locator;
     const dgfem_mesh *mesh = c->body->mesh;
     const dgfem_embedding *old = c->skin->embedding;
     for (int i = 0; i < c->vertex_count; i++) {
         dgfemi_skin_vertex *v = &c->vertices[i];
         int moved = !dgfemi_same_position(v->anchor, v->rest), known, e = DGFEM_NONE, near;
+        int twin = dgfemi_skin_twin(c, i);
         dgfemi_location location;
+        if (twin != DGFEM_NONE) {
+            v->anchor = c->vertices[twin].anchor;
+            places->element[i] = places->element[twin], places->window[i] = places->window[twin];
+            continue;
+        }
         if (i < c->skin->vertex_count)
             e = kinship ? kinship->new_element[old->point_element[i]] : old->point_element[i];
         known = e != DGFEM_NONE;
@@ -255,19 +276,27 @@ static dgfem_real dgfemi_skin_ball(const dgfemi_skin_tearer *t, const int *corne
     return radius;
 }
 
-/* Marks the elements that hang together with `first` through glued faces and reach into the ball; returns their number,
-   with the elements in t->queue. */
-static int dgfemi_skin_flood_ball(dgfemi_skin_tearer *t, int first, dgfem_vec3 centre, dgfem_real radius) {
+/* How many corners of a triangle the last search has met. */
+static int dgfemi_skin_count_held(const dgfemi_skin_tearer *t, const int *corner) {
+    int count = 0;
+    for (int k = 0; k < 3; k++) count += t->group[t->places->element[corner[k]]] == t->stamp;
+    return count;
+}
+
+/* Marks the elements that hang together with `first` through glued faces and reach into the ball, until all corners of
+   the triangle are met; returns their number, with the elements in t->queue. */
+static int dgfemi_skin_flood_ball(dgfemi_skin_tearer *t, int first, const int *corner, dgfem_vec3 centre,
+                                  dgfem_real radius) {
     const dgfem_mesh *mesh = t->locator->mesh;
     int count = 1;
     t->queue[0] = first, t->group[first] = ++t->stamp;
-    for (int i = 0; i < count; i++) {
+    for (int i = 0; i < count && dgfemi_skin_count_held(t, corner) < 3; i++) {
         const dgfem_element *e = &mesh->elements[t->queue[i]];
         for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
             const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
             int other = face->element[face->element[0] == t->queue[i]];
             if (other == DGFEM_NONE || face->cut || t->group[other] == t->stamp) continue;
-            if (dgfemi_box_distance(t->locator->lower[other], t->locator->upper[other], centre) > radius) continue;
+            if (!dgfemi_skin_is_nearer(t->locator, other, centre, radius)) continue;
             t->group[other] = t->stamp;
             t->queue[count++] = other;
         }
@@ -298,12 +327,12 @@ static int dgfemi_skin_flood_majority(dgfemi_skin_tearer *t, const int *corner, 
     int best = 0;
     *held = 0;
     for (int k = 0; k < 3; k++) {
-        int elements = dgfemi_skin_flood_ball(t, t->places->element[corner[k]], centre, radius), count = 0;
-        for (int j = 0; j < 3; j++) count += t->group[t->places->element[corner[j]]] == t->stamp;
+        int elements = dgfemi_skin_flood_ball(t, t->places->element[corner[k]], corner, centre, radius);
+        int count = dgfemi_skin_count_held(t, corner);
         if (count > *held) *held = count, best = k;
         if (count == 3) return elements;
     }
-    return dgfemi_skin_flood_ball(t, t->places->element[corner[best]], centre, radius);
+    return dgfemi_skin_flood_ball(t, t->places->element[corner[best]], corner, centre, radius);
 }
 
 /* Lists the corners of a triangle that are to move. 1 on success. */
@@ -360,7 +389,7 @@ static int dgfemi_skin_apply_tears(dgfemi_skin_tearer *t, dgfemi_arena *arena, i
     dgfemi_skin_cutter *c = t->cutter;
     const dgfem_mesh *mesh = t->locator->mesh;
     dgfemi_places places;
-    if (!dgfemi_places_allocate(arena, c->vertex_count, &places)) return 0;
+    if (!dgfemi_places_allocate(arena, c->vertex_count, t->places->locator, &places)) return 0;
     memcpy(places.element, t->places->element, (size_t)count * sizeof(int));
     memcpy(places.window, t->places->window, (size_t)count * sizeof(dgfem_vec3));
     for (int i = 0; i < t->tear_count; i++) {
@@ -412,13 +441,14 @@ static int dgfemi_skin_find_places(dgfemi_arena *arena, dgfemi_skin_cutter *c, i
     int between = c->skin->embedding->sample_count == 0; /* two blades: the elements are those of this mesh */
     dgfemi_blade_sides sides;
     dgfemi_kinship kinship;
-    dgfemi_locator locator;
-    if (!dgfemi_places_allocate(arena, c->vertex_count, places) || !dgfemi_locator_make(arena, mesh, &locator) ||
+    dgfemi_locator *locator = (dgfemi_locator *)dgfemi_arena_allocate(arena, 1, sizeof *locator);
+    if (!locator || !dgfemi_locator_make(arena, mesh, locator) ||
+        !dgfemi_places_allocate(arena, c->vertex_count, locator, places) ||
         !dgfemi_skin_find_sides(arena, c, &sides) ||
         (!between && !dgfemi_kinship_make(arena, mesh, c->skin->embedding, &kinship)))
         return 0;
-    dgfemi_skin_place(c, &locator, &sides, between ? NULL : &kinship, places);
-    return !last || dgfemi_skin_tear_triangles(arena, c, &locator, places);
+    dgfemi_skin_place(c, &sides, between ? NULL : &kinship, places);
+    return !last || dgfemi_skin_tear_triangles(arena, c, locator, places);
 }
 
 /* ---- the new skin ---- */

@@ -11,7 +11,7 @@ static dgfem_status dgfemi_body_solve(dgfem_body *body, const dgfem_vec3 *rhs, d
     dgfem_real *out = (dgfem_real *)(void *)x;
     double start = dgfemi_clock(hooks);
     dgfem_status status;
-    if (body->desc.solver == DGFEM_SOLVER_PCG) {
+    if (body->desc.solver == DGFEM_SOLVER_PCG || body->desc.solver == DGFEM_SOLVER_SWEEPS) {
         dgfem_pcg_desc desc = dgfem_default_pcg_desc();
         dgfem_pcg_info pcg;
         desc.tolerance = body->desc.solver_tolerance;
@@ -27,6 +27,8 @@ static dgfem_status dgfemi_body_solve(dgfem_body *body, const dgfem_vec3 *rhs, d
     }
     if (body->step_solver) body->step_solver->is_factored = 0;
     dgfem_cholesky_info factor;
+    status = dgfemi_analyse_body(body);
+    if (status) return status == DGFEM_ERROR_MEMORY ? dgfemi_fail_memory(hooks) : status;
     status = dgfem_cholesky_factor(body->cholesky, body->matrix, &factor);
     double middle = dgfemi_clock(hooks);
     info->seconds_factor += middle - start;
@@ -157,7 +159,7 @@ static dgfem_status dgfemi_step(dgfem_body *body, dgfem_real h, dgfem_step_info 
     dgfem_vec3 *rhs = dgfemi_work(body, DGFEMI_WORK_RHS), *v = dgfemi_work(body, DGFEMI_WORK_X);
     size_t size = (size_t)body->basis_count * sizeof *v;
     dgfemi_assemble_step(body, h, rhs, info);
-    memcpy(v, body->velocity, size);
+    if (!body->step_solver) memcpy(v, body->velocity, size);
     dgfem_status status =
         body->step_solver
             ? dgfemi_solve_step(body, h, dgfemi_next_rotation(body), (const dgfem_real *)(const void *)rhs,

@@ -281,7 +281,7 @@ static void dgfemi_block_multiply_transposed(const dgfem_real *a, int rows, int 
 /* The kernels that multiply large blocks faster than what the compiler makes of the functions above: where four reals
    make a vector, three of them a row of 12. NULL where there are none. */
 static const dgfemi_kernels *dgfemi_product_kernels(void) {
-    return DGFEM_REAL_IS_FLOAT ? NULL : dgfemi_kernels_for(DGFEM_SIMD_AVX2);
+    return dgfemi_kernels_for(DGFEM_REAL_IS_FLOAT ? DGFEM_SIMD_SSE2 : DGFEM_SIMD_AVX2);
 }
 
 /* Every part of y receives its products in ascending order of the block that they come from: first its own row, then,

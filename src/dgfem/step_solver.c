@@ -1,8 +1,8 @@
 #pragma once
 #include "cholesky.c"
-#include "pcg.c"
+#include "ssor.c"
 #include "warp.c"
-/* The linear system of a time step, solved for the velocities by conjugate gradients with an earlier factorization.
+/* The linear system of a time step, solved for the velocities by conjugate gradients.
 
    Warping turns the stiffness of an element and hardly changes it otherwise. So the matrix A0 that an earlier step
    factored, turned with the elements, is near today's matrix A. With T the rotations of all elements since then,
@@ -10,35 +10,59 @@
        P = T A0 T^T,   P^-1 r = T (A0^-1 (T^T r)),
 
    and conjugate gradients preconditioned by P need one to three iterations, until neighbours have turned much against
-   each other or contact has changed much. The iteration starts from the velocity of now, moved along its change in the
-   last step so far as lowers the error's energy most. At the end the error that is left is made orthogonal to
-   translations of each piece: what falls keeps its momentum to round-off, however coarse the tolerance.
+   each other or contact has changed much. As long as there is no factorization, as after a cut, Gauss-Seidel sweeps are
+   the preconditioner (ssor.c): they need ten times the iterations, but nothing is to be made for them.
 
-   When to factor again is a choice between rent and purchase: the iterations beyond the first of each step are paid
-   until they have cost as much as a factorization, then that is bought. So no step sequence costs more than twice what
-   the better choice would have. Both are counted in operations, not measured, so that runs repeat bit for bit. */
+   The iteration starts from the velocity of now, moved along its change in the last step so far as lowers the error's
+   energy most. At the end the error that is left is made orthogonal to translations of each piece: what falls keeps its
+   momentum to round-off, however coarse the tolerance.
+
+   When to factor (again) is a choice between rent and purchase: iterations with sweeps, and those with a factorization
+   beyond the first of each step, are paid until they have cost as much as a factorization; then that is bought. So no
+   sequence of steps costs much more than twice what the better choice would have. Where a factorization has soon become
+   useless, as when elements snap through, the price counts double the next time. Work is counted in operations, not
+   measured, so that runs repeat bit for bit. */
 
 struct dgfem_step_solver {
-    int is_factored;         /* the body's factor is of the matrix of an earlier step */
-    double factor_work;      /* of a factorization, */
-    double iteration_work;   /* and of an iteration, in operations at the speed of an iteration */
-    double rent;             /* work of iterations beyond each step's first since the factorization */
-    dgfem_mat3 *rotation;    /* [elements] at the factorization */
-    dgfem_mat3 *turn;        /* [elements] from then to now */
-    dgfem_vec3 *change;      /* [basis functions] of the velocity in the last step; zero at first */
-    dgfem_real *vectors;     /* [DGFEMI_STEP_VECTORS * unknowns] */
-    int *piece;              /* [elements] the piece each belongs to: elements connected by glue */
+    int is_factored;        /* the body's factor is of the matrix of an earlier step */
+    double factor_work;     /* of a factorization, in operations at the speed of an iteration, */
+    double solve_work;      /* of an iteration with it, */
+    double sweep_work;      /* and of one with sweeps */
+    double rent;            /* paid since the last factorization or since it was given up */
+    double price;           /* in factorizations: 1, or more where they have not lasted */
+    int age;                /* steps since the factorization */
+    dgfem_mat3 *rotation;   /* [elements] at the factorization */
+    dgfem_mat3 *turn;       /* [elements] from then to now */
+    dgfem_vec3 *change;     /* [basis functions] of the velocity in the last step; zero at first */
+    dgfem_real *vectors;    /* [DGFEMI_STEP_VECTORS * unknowns] */
+    dgfem_real *inverse;    /* of the diagonal blocks */
+    int *piece;             /* [elements] the piece each belongs to: elements connected by glue */
     int piece_count;
-    dgfem_real *gram;        /* [9 * pieces] A, restricted to translations of a piece */
-    dgfem_vec3 *imbalance;   /* [pieces] the residual, likewise */
+    dgfem_real *gram;       /* [9 * pieces] A, restricted to translations of a piece */
+    dgfem_vec3 *imbalance;  /* [pieces] the residual, likewise */
 };
 
-/* Work vectors: those of the iteration, the residual turned back to A0, and 1 / (diagonal of A). */
-enum { DGFEMI_STEP_R, DGFEMI_STEP_Z, DGFEMI_STEP_P, DGFEMI_STEP_Q, DGFEMI_STEP_TURNED, DGFEMI_STEP_WEIGHT,
-       DGFEMI_STEP_VECTORS };
+/* Work vectors: residual, P^-1 residual, direction, A direction; the residual turned back to A0, or a sweep's other
+   half; 1 / (diagonal of A). */
+enum {
+    DGFEMI_STEP_R,
+    DGFEMI_STEP_Z,
+    DGFEMI_STEP_P,
+    DGFEMI_STEP_Q,
+    DGFEMI_STEP_TURNED,
+    DGFEMI_STEP_WEIGHT,
+    DGFEMI_STEP_VECTORS
+};
 
 /* Dense kernels of a factorization are so much faster than solves, which wait for memory. */
 #define DGFEM_FACTOR_SPEED 8.
+/* A factorization that lasted for fewer steps was not worth its price. */
+#define DGFEM_SHORT_LIFE 4
+#define DGFEM_HIGHEST_PRICE 64.
+/* A factorization that costs no more than so many iterations with sweeps is made at once. */
+#define DGFEM_FEW_SWEEPS 12.
+
+/* ---- creation ---- */
 
 static void dgfemi_step_solver_destroy(dgfem_step_solver *solver, const dgfem_hooks *hooks) {
     if (!solver) return;
@@ -46,6 +70,7 @@ static void dgfemi_step_solver_destroy(dgfem_step_solver *solver, const dgfem_ho
     dgfemi_free(hooks, solver->turn);
     dgfemi_free(hooks, solver->change);
     dgfemi_free(hooks, solver->vectors);
+    dgfemi_free(hooks, solver->inverse);
     dgfemi_free(hooks, solver->piece);
     dgfemi_free(hooks, solver->gram);
     dgfemi_free(hooks, solver->imbalance);
@@ -65,9 +90,14 @@ static int dgfemi_step_solver_find_pieces(dgfem_step_solver *solver, const dgfem
     return solver->gram && solver->imbalance;
 }
 
+/* Numbers stored in the matrix. */
+static double dgfemi_matrix_entries(const dgfem_matrix *matrix) {
+    return (double)matrix->value_start[matrix->row_start[matrix->block_count]];
+}
+
 /* NULL when out of memory. */
 static dgfem_step_solver *dgfemi_step_solver_create(const dgfem_mesh *mesh, const dgfem_matrix *matrix,
-                                                    const dgfem_cholesky *cholesky, const dgfem_hooks *hooks) {
+                                                    const dgfem_hooks *hooks) {
     dgfem_step_solver *solver = (dgfem_step_solver *)dgfemi_allocate_zero(hooks, 1, sizeof *solver);
     size_t elements = (size_t)matrix->block_count, size = (size_t)matrix->size;
     if (!solver) return NULL;
@@ -75,22 +105,76 @@ static dgfem_step_solver *dgfemi_step_solver_create(const dgfem_mesh *mesh, cons
     solver->turn = (dgfem_mat3 *)dgfemi_allocate(hooks, elements, sizeof(dgfem_mat3));
     solver->change = (dgfem_vec3 *)dgfemi_allocate_zero(hooks, size / 3, sizeof(dgfem_vec3));
     solver->vectors = (dgfem_real *)dgfemi_allocate(hooks, DGFEMI_STEP_VECTORS * size, sizeof(dgfem_real));
-    if (!solver->rotation || !solver->turn || !solver->change || !solver->vectors ||
+    solver->inverse = (dgfem_real *)dgfemi_allocate(hooks, dgfemi_diagonal_size(matrix), sizeof(dgfem_real));
+    if (!solver->rotation || !solver->turn || !solver->change || !solver->vectors || !solver->inverse ||
         !dgfemi_step_solver_find_pieces(solver, mesh, hooks)) {
         dgfemi_step_solver_destroy(solver, hooks);
         return NULL;
     }
-    solver->factor_work = cholesky->factor_flops / DGFEM_FACTOR_SPEED;
-    solver->iteration_work =
-        4 * (cholesky->factor_entries + (double)matrix->value_start[matrix->row_start[elements]]);
+    solver->price = 1;
+    solver->sweep_work = 5 * dgfemi_matrix_entries(matrix);
     return solver;
 }
 
-static dgfem_real *dgfemi_step_vector(const dgfem_step_solver *solver, const dgfem_matrix *matrix, int k) {
-    return solver->vectors + (size_t)k * (size_t)matrix->size;
+/* Symbolic analysis of the body's matrix, if there is none. */
+static dgfem_status dgfemi_analyse_body(dgfem_body *body) {
+    dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
+    if (body->cholesky) return DGFEM_OK;
+    desc.hooks = body->hooks;
+    desc.hooks.log = NULL; /* the creating functions leave the line for DGFEM_ERROR_MEMORY to their callers */
+    dgfem_status status = dgfem_cholesky_create(body->matrix, &desc, &body->cholesky);
+    if (status == DGFEM_ERROR_MEMORY) return status;
+    if (status) return dgfemi_fail(&body->hooks, status, "Cholesky factor of %d elements", body->mesh->element_count);
+    body->cholesky->hooks.log = body->hooks.log;
+    if (!body->step_solver) return DGFEM_OK;
+    body->step_solver->factor_work = body->cholesky->factor_flops / DGFEM_FACTOR_SPEED;
+    body->step_solver->solve_work =
+        4 * (body->cholesky->factor_entries + dgfemi_matrix_entries(body->matrix));
+    return DGFEM_OK;
 }
 
-/* ---- the preconditioner ---- */
+/* ---- the error of the velocities ---- */
+
+/* The speed of a velocity field, as the root of its mean square over the mass. */
+static double dgfemi_mean_speed(const dgfem_body *body, const dgfem_real *v) {
+    return sqrt(dgfemi_mass_norm(body, (const dgfem_vec3 *)(const void *)v) / dgfemi_total_mass(body));
+}
+
+/* What a velocity's error is measured by: the mean speed, or a hundredth of an element's radius in a step if that is
+   more. So a body comes to rest. */
+static double dgfemi_reference_speed(const dgfem_body *body, dgfem_real h, const dgfem_real *v) {
+    double radius = 0;
+    for (int e = 0; e < body->mesh->element_count; e++) radius += (double)body->scale[e];
+    double speed = dgfemi_mean_speed(body, v), least = 0.01 * radius / body->mesh->element_count / (double)h;
+    return speed > least ? speed : least;
+}
+
+/* The last few iterations, of which the error that is left is estimated (Hestenes and Stiefel, Strakos and Tichy):
+   in the norm of A, which is above that of the mass and here close to it, the error's square falls by step * rho in each
+   iteration; what is still to come is as a geometric series, with the ratio at which a norm of the residual falls. */
+enum { DGFEM_LOOK_BACK = 4 };
+typedef struct dgfemi_progress {
+    int count;
+    double energy[DGFEM_LOOK_BACK];   /* step * rho of the last iterations, in a ring */
+    double residual[DGFEM_LOOK_BACK]; /* at the beginning of each of them */
+} dgfemi_progress;
+
+/* After one more iteration; the error as a mean speed. */
+static double dgfemi_estimate_error(dgfemi_progress *progress, double energy, double before, double after,
+                                    double mass) {
+    const double slowest = 0.97;
+    int slot = progress->count++ % DGFEM_LOOK_BACK;
+    progress->energy[slot] = energy;
+    progress->residual[slot] = before;
+    int known = progress->count < DGFEM_LOOK_BACK ? progress->count : DGFEM_LOOK_BACK;
+    int oldest = (progress->count - known) % DGFEM_LOOK_BACK;
+    double sum = 0, ratio = after / progress->residual[oldest], limit = pow(slowest, known);
+    for (int i = 0; i < known; i++) sum += progress->energy[i];
+    if (!(ratio < limit)) ratio = limit;
+    return sqrt(sum / mass) * ratio / sqrt(1 - ratio * ratio);
+}
+
+/* ---- with a factorization ---- */
 
 /* to = T from, or T^T from */
 static void dgfemi_turn_elements(const dgfem_body *body, int transposed, const dgfem_real *from, dgfem_real *to) {
@@ -103,39 +187,25 @@ static void dgfemi_turn_elements(const dgfem_body *body, int transposed, const d
     }
 }
 
+static dgfem_real *dgfemi_step_vector(const dgfem_body *body, int k) {
+    return body->step_solver->vectors + (size_t)k * (size_t)body->matrix->size;
+}
+
 static void dgfemi_apply_factor(void *context, const dgfem_real *r, dgfem_real *z) {
     const dgfem_body *body = (const dgfem_body *)context;
-    dgfem_real *turned = dgfemi_step_vector(body->step_solver, body->matrix, DGFEMI_STEP_TURNED);
+    dgfem_real *turned = dgfemi_step_vector(body, DGFEMI_STEP_TURNED);
     dgfemi_turn_elements(body, 1, r, turned);
     dgfemi_solve(body->cholesky, 1, turned, turned);
     dgfemi_turn_elements(body, 0, turned, z);
 }
 
-static void dgfemi_find_turns(dgfem_body *body, const dgfem_mat3 *rotation) {
+static void dgfemi_find_turns(const dgfem_body *body, const dgfem_mat3 *rotation) {
     dgfem_step_solver *solver = body->step_solver;
     for (int e = 0; e < body->mesh->element_count; e++) {
         dgfem_mat3 back = dgfemi_transposed(&solver->rotation[e]);
         solver->turn[e] = dgfemi_multiply3(&rotation[e], &back);
     }
 }
-
-static dgfem_status dgfemi_factor_step(dgfem_body *body, const dgfem_mat3 *rotation, dgfem_step_info *info) {
-    dgfem_step_solver *solver = body->step_solver;
-    double start = dgfemi_clock(&body->hooks);
-    dgfem_cholesky_info factor;
-    solver->is_factored = 0;
-    dgfem_status status = dgfem_cholesky_factor(body->cholesky, body->matrix, &factor);
-    info->seconds_factor += dgfemi_clock(&body->hooks) - start;
-    info->failed_element = factor.failed_block;
-    info->factorizations++;
-    if (status) return status;
-    memcpy(solver->rotation, rotation, (size_t)body->mesh->element_count * sizeof *rotation);
-    solver->is_factored = 1;
-    solver->rent = 0;
-    return DGFEM_OK;
-}
-
-/* ---- iteration ---- */
 
 static void dgfemi_weigh_by_diagonal(const dgfem_matrix *matrix, dgfem_real *weight) {
     for (int r = 0; r < matrix->block_count; r++) {
@@ -152,57 +222,72 @@ static double dgfemi_weighted_norm(int count, const dgfem_real *weight, const dg
     return sqrt(sum);
 }
 
-/* The speed of a velocity field, as the root of its mean square over the mass. */
-static double dgfemi_mean_speed(const dgfem_body *body, const dgfem_real *v) {
-    double mass = 0;
-    for (int e = 0; e < body->mesh->element_count; e++)
-        mass += (double)(body->material[e].density * dgfemi_form_mass(body->forms, e)[0]);
-    return sqrt(dgfemi_mass_norm(body, (const dgfem_vec3 *)(const void *)v) / mass);
-}
-
-/* What a velocity's error is measured by: the mean speed, or a hundredth of an element's radius in a step if that is
-   more. So a body comes to rest. */
-static double dgfemi_reference_speed(const dgfem_body *body, dgfem_real h, const dgfem_real *v) {
-    double radius = 0;
-    for (int e = 0; e < body->mesh->element_count; e++) radius += (double)body->scale[e];
-    double speed = dgfemi_mean_speed(body, v), least = 0.01 * radius / body->mesh->element_count / (double)h;
-    return speed > least ? speed : least;
-}
-
-/* Moves x along the velocity's last change, so far as lowers the error's energy most. */
-static void dgfemi_extrapolate(const dgfem_body *body, dgfemi_pcg *cg) {
-    memcpy(cg->p, body->step_solver->change, (size_t)cg->matrix->size * sizeof *cg->p);
-    double descent = dgfemi_vector_dot(cg->matrix->size, cg->p, cg->r);
-    if (descent != 0) (void)dgfemi_pcg_advance(cg, descent);
-}
-
-/* Iterates until the error of x, as a mean speed, is below `target`, but at most `limit` times. The error is estimated
-   from the last change of x, continued as a geometric series by the ratio at which the residual has shrunk of late.
-   Returns 1 when x is good enough, 0 at the limit or on breakdown. */
-static int dgfemi_iterate_step(const dgfem_body *body, dgfemi_pcg *cg, double target, int limit,
-                               dgfem_step_info *info) {
-    enum { MEMORY = 4 };
-    const double slowest = 0.97;
-    const dgfem_real *weight = dgfemi_step_vector(body->step_solver, cg->matrix, DGFEMI_STEP_WEIGHT);
-    double history[MEMORY], last = 0;
-    history[0] = dgfemi_weighted_norm(cg->matrix->size, weight, cg->r);
-    if (history[0] == 0) return 1;
-    for (int k = 1; k <= limit; k++) {
-        int back = k < MEMORY ? k : MEMORY;
+/* Iterates until the error of x, as a mean speed, is below `target`, but at most `limit` times. Returns 1 when it is, 0
+   at the limit or on breakdown. *error is the last estimate. */
+static int dgfemi_iterate_with_factor(const dgfem_body *body, dgfemi_pcg *cg, double target, int limit, int *iterations,
+                                      double *error) {
+    int size = cg->matrix->size;
+    dgfem_real *weight = dgfemi_step_vector(body, DGFEMI_STEP_WEIGHT);
+    double mass = dgfemi_total_mass(body), last = 0;
+    dgfemi_progress progress;
+    progress.count = 0;
+    dgfemi_weigh_by_diagonal(cg->matrix, weight);
+    double residual = dgfemi_weighted_norm(size, weight, cg->r);
+    *error = 0;
+    if (residual == 0) return 1;
+    for (int k = 0; k < limit; k++) {
+        double before = residual;
         if (!dgfemi_pcg_turn(cg, last) || !dgfemi_pcg_advance(cg, cg->rho)) return 0;
-        info->iterations++;
-        double residual = dgfemi_weighted_norm(cg->matrix->size, weight, cg->r);
-        double ratio = pow(residual / history[(k - back) % MEMORY], 1. / back);
-        if (!(ratio < slowest)) ratio = slowest;
-        double error = (double)dgfemi_abs(cg->step) * dgfemi_mean_speed(body, cg->p) * ratio / (1 - ratio);
-        if (!(error - error == 0)) return 0;
-        info->residual = (dgfem_real)(error / target) * body->desc.velocity_tolerance;
-        if (error <= target) return 1;
-        history[k % MEMORY] = residual;
+        ++*iterations;
+        residual = dgfemi_weighted_norm(size, weight, cg->r);
+        *error = dgfemi_estimate_error(&progress, (double)cg->step * cg->rho, before, residual, mass);
+        if (*error <= target) return 1;
         last = cg->rho;
     }
     return 0;
 }
+
+/* ---- with sweeps ---- */
+
+/* The same with P of ssor.c; r is the residual of x before and after. */
+static int dgfemi_iterate_with_sweeps(const dgfem_body *body, dgfemi_pcg *cg, double target, int limit, int *iterations,
+                                      double *error) {
+    int size = cg->matrix->size;
+    dgfem_real *t = dgfemi_step_vector(body, DGFEMI_STEP_TURNED);
+    double mass = dgfemi_total_mass(body), rho;
+    dgfemi_progress progress;
+    dgfemi_ssor sweeps;
+    sweeps.matrix = cg->matrix;
+    sweeps.kernels = dgfemi_product_kernels();
+    sweeps.inverse = body->step_solver->inverse;
+    progress.count = 0;
+    *error = 0;
+    if (dgfemi_invert_diagonal(cg->matrix, sweeps.inverse) != DGFEM_NONE) return 0;
+    dgfemi_ssor_forward(&sweeps, cg->r);
+    dgfemi_ssor_diagonal(&sweeps, cg->r, cg->z);
+    rho = dgfemi_vector_dot(size, cg->r, cg->z);
+    memcpy(cg->p, cg->z, (size_t)size * sizeof *cg->p);
+    if (rho == 0) return 1;
+    for (int k = 0; k < limit; k++) {
+        double last = rho;
+        dgfemi_ssor_backward(&sweeps, cg->p, t, cg->q);
+        dgfemi_ssor_forward(&sweeps, cg->q);
+        dgfemi_vector_add(size, 1, t, cg->q);
+        double curvature = dgfemi_vector_dot(size, cg->p, cg->q), step = rho / curvature;
+        if (!(curvature > 0) || !(step > 0) || !(step - step == 0)) return 0;
+        ++*iterations;
+        dgfemi_vector_add(size, (dgfem_real)step, t, cg->x);
+        dgfemi_vector_add(size, (dgfem_real)-step, cg->q, cg->r);
+        dgfemi_ssor_diagonal(&sweeps, cg->r, cg->z);
+        rho = dgfemi_vector_dot(size, cg->r, cg->z);
+        *error = dgfemi_estimate_error(&progress, step * last, sqrt(last), sqrt(rho), mass);
+        if (*error <= target) return 1;
+        dgfemi_vector_scale_add(size, cg->z, (dgfem_real)(rho / last), cg->p);
+    }
+    return 0;
+}
+
+/* ---- pieces ---- */
 
 /* A on the translations of each piece: the functions number 0 are 1 in their elements. */
 static void dgfemi_gather_gram(const dgfem_body *body) {
@@ -224,10 +309,11 @@ static void dgfemi_gather_gram(const dgfem_body *body) {
 }
 
 /* Moves each piece as a whole so that the residual has no resultant. */
-static void dgfemi_balance_pieces(const dgfem_body *body, const dgfemi_pcg *cg) {
+static void dgfemi_balance_pieces(const dgfem_body *body, dgfemi_pcg *cg) {
     dgfem_step_solver *solver = body->step_solver;
     dgfem_vec3 *x = (dgfem_vec3 *)(void *)cg->x;
     const dgfem_vec3 *r = (const dgfem_vec3 *)(const void *)cg->r;
+    dgfemi_pcg_residual(cg);
     dgfemi_gather_gram(body);
     memset(solver->imbalance, 0, (size_t)solver->piece_count * sizeof *solver->imbalance);
     for (int e = 0; e < body->mesh->element_count; e++) {
@@ -245,45 +331,112 @@ static void dgfemi_balance_pieces(const dgfem_body *body, const dgfemi_pcg *cg) 
     }
 }
 
-/* Solves matrix * v = rhs for the velocities at the end of a step of length h; v holds those at its beginning.
-   `rotation` are the elements' rotations that the matrix was assembled with. */
-static dgfem_status dgfemi_solve_step(dgfem_body *body, dgfem_real h, const dgfem_mat3 *rotation,
-                                      const dgfem_real *rhs, dgfem_real *v, dgfem_step_info *info) {
+/* ---- the whole ---- */
+
+/* Factors the matrix, or logs why not. */
+static dgfem_status dgfemi_factor_step(dgfem_body *body, const dgfem_mat3 *rotation, dgfem_step_info *info) {
     dgfem_step_solver *solver = body->step_solver;
-    const dgfem_matrix *matrix = body->matrix;
-    double factor_before = info->seconds_factor, start = dgfemi_clock(&body->hooks);
-    double target = (double)body->desc.velocity_tolerance * dgfemi_reference_speed(body, h, v);
-    double affordable = solver->factor_work / solver->iteration_work;
-    int limit = affordable < 1000 ? 2 + (int)affordable : 1000, good = 0;
+    double start = dgfemi_clock(&body->hooks);
+    dgfem_cholesky_info factor;
+    solver->is_factored = 0;
+    dgfem_status status = dgfemi_analyse_body(body);
+    if (status) return status == DGFEM_ERROR_MEMORY ? dgfemi_fail_memory(&body->hooks) : status;
+    status = dgfem_cholesky_factor(body->cholesky, body->matrix, &factor);
+    info->seconds_factor += dgfemi_clock(&body->hooks) - start;
+    info->failed_element = factor.failed_block;
+    info->factorizations++;
+    if (status) return status;
+    memcpy(solver->rotation, rotation, (size_t)body->mesh->element_count * sizeof *rotation);
+    solver->is_factored = 1;
+    solver->rent = 0;
+    solver->age = 0;
+    return DGFEM_OK;
+}
+
+/* x = the velocities now, moved along their last change so far as lowers the error's energy most. */
+static void dgfemi_start_step(const dgfem_body *body, dgfemi_pcg *cg) {
+    size_t size = (size_t)cg->matrix->size;
+    memcpy(cg->x, body->velocity, size * sizeof *cg->x);
+    dgfemi_pcg_residual(cg);
+    memcpy(cg->p, body->step_solver->change, size * sizeof *cg->p);
+    double descent = dgfemi_vector_dot(cg->matrix->size, cg->p, cg->r);
+    if (descent != 0) (void)dgfemi_pcg_advance(cg, descent);
+}
+
+/* Iterations that the rest of a price pays. */
+static int dgfemi_affordable(double price, double rent, double work) {
+    double count = (price - rent) / work;
+    return count < 1 ? 0 : count < 1e6 ? (int)count : 1000000;
+}
+
+/* Iterates with the factorization, if there is one and its rent is not up. Otherwise, and when that fails, it is given
+   up for a better one (where the next price is what this one was worth) or for sweeps. 1 when x is good enough. */
+static int dgfemi_iterate_stale(dgfem_body *body, dgfemi_pcg *cg, const dgfem_mat3 *rotation, double target,
+                                int *iterations, double *error) {
+    dgfem_step_solver *solver = body->step_solver;
+    int before = *iterations, limit = dgfemi_affordable(solver->factor_work, solver->rent, solver->solve_work);
+    if (!solver->is_factored) return 0;
+    solver->age++;
+    if (solver->rent < solver->factor_work) {
+        dgfemi_find_turns(body, rotation);
+        if (dgfemi_iterate_with_factor(body, cg, target, limit + 1, iterations, error)) {
+            solver->rent += (*iterations - before - 1) * solver->solve_work;
+            return 1;
+        }
+        dgfemi_start_step(body, cg);
+    }
+    if (solver->age > DGFEM_SHORT_LIFE) solver->price = 1;
+    else if (solver->price < DGFEM_HIGHEST_PRICE) solver->price *= 2;
+    solver->rent = solver->age > DGFEM_SHORT_LIFE ? solver->factor_work : 0;
+    solver->is_factored = 0;
+    return 0;
+}
+
+/* Iterates with what there is, as the body's solver and the price of a factorization allow. 1 when x is good enough. */
+static int dgfemi_iterate_step(dgfem_body *body, dgfemi_pcg *cg, const dgfem_mat3 *rotation, double target,
+                               int *iterations, double *error) {
+    dgfem_step_solver *solver = body->step_solver;
+    int limit = body->desc.solver_iterations, before;
+    if (body->desc.solver != DGFEM_SOLVER_SWEEPS) {
+        if (dgfemi_iterate_stale(body, cg, rotation, target, iterations, error)) return 1;
+        limit = dgfemi_affordable(solver->price * solver->factor_work, solver->rent, solver->sweep_work);
+        if (body->desc.solver == DGFEM_SOLVER_STALE || limit < DGFEM_FEW_SWEEPS) return 0;
+    }
+    before = *iterations;
+    int good = dgfemi_iterate_with_sweeps(body, cg, target, limit, iterations, error);
+    solver->rent += (*iterations - before) * solver->sweep_work;
+    return good;
+}
+
+/* Solves matrix * v = rhs for the velocities at the end of a step of length h. `rotation` are the elements' rotations
+   that the matrix was assembled with. */
+static dgfem_status dgfemi_solve_step(dgfem_body *body, dgfem_real h, const dgfem_mat3 *rotation, const dgfem_real *rhs,
+                                      dgfem_real *v, dgfem_step_info *info) {
+    double factor_before = info->seconds_factor, start = dgfemi_clock(&body->hooks), error = 0;
+    double reference = dgfemi_reference_speed(body, h, (const dgfem_real *)(const void *)body->velocity);
+    double target = (double)body->desc.velocity_tolerance * reference;
     dgfem_status status = DGFEM_OK;
     dgfemi_pcg cg;
     memset(&cg, 0, sizeof cg);
-    cg.matrix = matrix, cg.b = rhs, cg.x = v;
+    cg.matrix = body->matrix, cg.b = rhs, cg.x = v;
     cg.preconditioner.apply = dgfemi_apply_factor;
     cg.preconditioner.context = body;
-    cg.r = dgfemi_step_vector(solver, matrix, DGFEMI_STEP_R);
-    cg.z = dgfemi_step_vector(solver, matrix, DGFEMI_STEP_Z);
-    cg.p = dgfemi_step_vector(solver, matrix, DGFEMI_STEP_P);
-    cg.q = dgfemi_step_vector(solver, matrix, DGFEMI_STEP_Q);
-    dgfemi_weigh_by_diagonal(matrix, dgfemi_step_vector(solver, matrix, DGFEMI_STEP_WEIGHT));
-    dgfemi_pcg_residual(&cg);
-    dgfemi_extrapolate(body, &cg);
-    if (solver->is_factored && solver->rent <= solver->factor_work) {
-        int before = info->iterations;
-        dgfemi_find_turns(body, rotation);
-        good = dgfemi_iterate_step(body, &cg, target, limit, info);
-        solver->rent += (info->iterations - before - 1) * solver->iteration_work;
-    }
-    if (!good) {
+    cg.r = dgfemi_step_vector(body, DGFEMI_STEP_R), cg.z = dgfemi_step_vector(body, DGFEMI_STEP_Z);
+    cg.p = dgfemi_step_vector(body, DGFEMI_STEP_P), cg.q = dgfemi_step_vector(body, DGFEMI_STEP_Q);
+    dgfemi_start_step(body, &cg);
+    if (!dgfemi_iterate_step(body, &cg, rotation, target, &info->iterations, &error)) {
+        if (body->desc.solver == DGFEM_SOLVER_SWEEPS)
+            return dgfemi_fail(&body->hooks, DGFEM_ERROR_NOT_CONVERGED,
+                               "step: velocities off by %g of their mean after %d iterations", error / reference,
+                               info->iterations);
         status = dgfemi_factor_step(body, rotation, info);
-        if (!status) {
-            dgfemi_find_turns(body, rotation);
-            memcpy(v, body->velocity, (size_t)matrix->size * sizeof *v);
-            dgfemi_pcg_residual(&cg);
-            (void)dgfemi_iterate_step(body, &cg, target, 1, info);
-        }
+        if (status) return status;
+        dgfemi_find_turns(body, rotation);
+        dgfemi_start_step(body, &cg);
+        (void)dgfemi_iterate_with_factor(body, &cg, target, 1, &info->iterations, &error);
     }
-    if (!status) dgfemi_balance_pieces(body, &cg);
+    info->residual = (dgfem_real)(error / reference);
+    dgfemi_balance_pieces(body, &cg);
     info->seconds_solve += dgfemi_clock(&body->hooks) - start - (info->seconds_factor - factor_before);
     return status;
 }

@@ -432,6 +432,13 @@ static void dgfemi_assemble_mass(const dgfem_body *body, dgfem_real s, dgfem_mat
     }
 }
 
+static double dgfemi_total_mass(const dgfem_body *body) {
+    double mass = 0;
+    for (int e = 0; e < body->mesh->element_count; e++)
+        mass += (double)(body->material[e].density * dgfemi_form_mass(body->forms, e)[0]);
+    return mass;
+}
+
 /* v . M v */
 static double dgfemi_mass_norm(const dgfem_body *body, const dgfem_vec3 *v) {
     double norm = 0;

@@ -315,18 +315,31 @@ DGFEM_API dgfem_status dgfem_mvc_pieces(const dgfem_mvc *body, int *piece_of, dg
 
 /* ---- skin and surface ---- */
 
+typedef enum dgfem_mvc_skin_kind {
+    DGFEM_MVC_SKIN_MEAN_VALUE, /* follows elements to their surface, continuously; edges of elements show */
+    DGFEM_MVC_SKIN_MLS         /* moving least squares over the nodes around: smooth (C2), but it follows nodes only in
+                                  the mean, and costs more */
+} dgfem_mvc_skin_kind;
+
 typedef struct dgfem_mvc_skin_desc {
     unsigned cookie;
+    dgfem_mvc_skin_kind kind; /* default DGFEM_MVC_SKIN_MEAN_VALUE */
     dgfem_points_in vertices; /* rest positions, in the caller's order, which is kept */
     const int *triangles;     /* three vertex indices each, or NULL: no normals */
     int triangle_count;
     dgfem_hooks hooks;
 } dgfem_mvc_skin_desc;
 
-/* A render mesh that follows a body: each vertex by the mean value coordinates of the element that contains it, which
-   are continuous across elements. A vertex outside of the body, at X, belongs to the nearest point P of its surface:
+/* A render mesh that follows a body. MEAN_VALUE: each vertex by the mean value coordinates of the element that contains
+   it, which are continuous across elements. A vertex outside of the body, at X, belongs to the nearest point P of its
+   surface:
      x = sum (phi_i(P) + <grad phi_i> . (X - P)) x_i,   < > the mean over the element.
-   It moves affinely with the element's mean deformation, continuously up to the surface. */
+   It moves affinely with the element's mean deformation, continuously up to the surface.
+
+   MLS: each vertex by the affine function that fits the nodes around best, as in skins of dgfem.h. Nodes reach a vertex
+   only through elements that hang together: never across a cut, and around its front the less the longer the way is.
+   Affine motions are followed exactly, outside as well. Where the nodes around are nearly in a plane, mean value
+   coordinates serve instead. */
 typedef struct dgfem_mvc_skin {
     int vertex_count, triangle_count;
     dgfem_vec3 *positions; /* as of the last update */
@@ -337,6 +350,7 @@ typedef struct dgfem_mvc_skin {
     int *weight_start; /* [vertex_count + 1] */
     int *weight_node;
     dgfem_real *weight;
+    dgfem_mvc_skin_kind kind;
     int revision, node_count; /* of the body it was made for */
     dgfem_hooks hooks;
 } dgfem_mvc_skin;
