@@ -667,18 +667,18 @@ static void test_random_cuts(void **state) {
 
 /* ---- slivers ---- */
 
-/* x = m^-1 x for n right-hand sides of three numbers; m symmetric, positive definite, overwritten. */
-static void solve_dense(double *m, int n, double *x) {
+/* x = m^-1 x, x n x columns; m symmetric, positive definite, overwritten. */
+static void solve_dense(double *m, int n, int columns, double *x) {
     for (int k = 0; k < n; k++)
         for (int i = k + 1; i < n; i++) {
             double factor = m[i * n + k] / m[k * n + k];
             for (int j = k; j < n; j++) m[i * n + j] -= factor * m[k * n + j];
-            for (int c = 0; c < 3; c++) x[3 * i + c] -= factor * x[3 * k + c];
+            for (int c = 0; c < columns; c++) x[columns * i + c] -= factor * x[columns * k + c];
         }
     for (int i = n - 1; i >= 0; i--)
-        for (int c = 0; c < 3; c++) {
-            for (int j = i + 1; j < n; j++) x[3 * i + c] -= m[i * n + j] * x[3 * j + c];
-            x[3 * i + c] /= m[i * n + i];
+        for (int c = 0; c < columns; c++) {
+            for (int j = i + 1; j < n; j++) x[columns * i + c] -= m[i * n + j] * x[columns * j + c];
+            x[columns * i + c] /= m[i * n + i];
         }
 }
 
@@ -699,7 +699,7 @@ static double stable_step(dgfem_body *body, check_random *random) {
             for (int i = 0; i < 16; i++) m[i] = (double)mass[i];
             for (int i = 0; i < 4; i++)
                 x[3 * i] = (double)v[i].x, x[3 * i + 1] = (double)v[i].y, x[3 * i + 2] = (double)v[i].z;
-            solve_dense(m, 4, x);
+            solve_dense(m, 4, 3, x);
             for (int i = 0; i < 12; i++) lambda += x[i] * x[i];
             for (int i = 0; i < 4; i++) v[i] = vec3(x[3 * i], x[3 * i + 1], x[3 * i + 2]);
         }
@@ -712,8 +712,85 @@ static double stable_step(dgfem_body *body, check_random *random) {
     return 2 / sqrt(lambda);
 }
 
+/* What the step's matrix A is compared with, as preconditioners do: nothing, its diagonal, its diagonal blocks. */
+typedef enum scaling { SCALING_NONE, SCALING_DIAGONAL, SCALING_BLOCKS } scaling;
+
+/* y = D x, or D^-1 x, D as `by` says. */
+static void scale(const dgfem_matrix *a, scaling by, int inverse, const dgfem_real *x, dgfem_real *y) {
+    for (int b = 0; b < a->block_count; b++) {
+        const dgfem_real *block = dgfem_matrix_block(a, b, b);
+        int first = a->offset[b], n = a->offset[b + 1] - first;
+        double m[12 * 12], z[12];
+        for (int i = 0; i < n * n; i++)
+            m[i] = by == SCALING_BLOCKS || (i % (n + 1) == 0 && by == SCALING_DIAGONAL) ? (double)block[i]
+                                                                                         : i % (n + 1) == 0;
+        for (int i = 0; i < n; i++) {
+            z[i] = inverse ? (double)x[first + i] : 0;
+            for (int j = 0; j < n && !inverse; j++) z[i] += m[i * n + j] * (double)x[first + j];
+        }
+        if (inverse) solve_dense(m, n, 1, z);
+        for (int i = 0; i < n; i++) y[first + i] = (dgfem_real)z[i];
+    }
+}
+
+static double dot_of(const dgfem_real *x, const dgfem_real *y, int n) {
+    double sum = 0;
+    for (int i = 0; i < n; i++) sum += (double)x[i] * (double)y[i];
+    return sum;
+}
+
+/* Largest by smallest eigenvalue of A x = lambda D x, by power iteration with D^-1 A and with A^-1 D. */
+static double condition(const dgfem_matrix *a, scaling by, check_random *random) {
+    size_t n = (size_t)a->size;
+    dgfem_real *x = (dgfem_real *)malloc(n * sizeof *x), *y = (dgfem_real *)malloc(n * sizeof *y);
+    dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
+    dgfem_cholesky *cholesky;
+    double lambda[2] = {0, 0};
+    check_status(dgfem_cholesky_create(a, &desc, &cholesky), DGFEM_OK);
+    check_status(dgfem_cholesky_factor(cholesky, a, NULL), DGFEM_OK);
+    for (int end = 0; end < 2; end++) {
+        for (size_t i = 0; i < n; i++) x[i] = (dgfem_real)check_random_real(random, -1, 1);
+        for (int k = 0; k < 100; k++) {
+            double size;
+            scale(a, by, 0, x, y);
+            size = sqrt(dot_of(x, y, a->size));
+            for (size_t i = 0; i < n; i++) x[i] = (dgfem_real)((double)x[i] / size);
+            if (end == 0) dgfem_matrix_multiply(a, x, y);
+            else scale(a, by, 0, x, y);
+            lambda[end] = dot_of(x, y, a->size); /* x.Ax, x.Dx = 1 */
+            if (end == 0) scale(a, by, 1, y, x);
+            else check_status(dgfem_cholesky_solve(cholesky, y, x), DGFEM_OK);
+            if (end == 1) lambda[1] = dot_of(x, y, a->size); /* A^-1 Dx . Dx: 1 / lambda */
+        }
+    }
+    dgfem_cholesky_destroy(cholesky);
+    free(x);
+    free(y);
+    return lambda[0] * lambda[1];
+}
+
+typedef struct fitness {
+    double step, condition[3];
+} fitness;
+
+static fitness measure_fitness(dgfem_body *body, check_random *random) {
+    fitness f;
+    f.step = stable_step(body, random);
+    check_status(dgfem_body_step(body, DGFEM_R(1.) / 60, NULL), DGFEM_OK); /* nothing moves; it leaves its matrix */
+    for (int k = 0; k < 3; k++) f.condition[k] = condition(body->matrix, (scaling)k, random);
+    return f;
+}
+
+static void print_fitness(const fitness *now, const fitness *whole, int elements, int pieces) {
+    print_message("%d elements, %d pieces: stable step %.3f of the uncut body's; condition %.3g (%.3g), by diagonal %.3g "
+                  "(%.3g), by blocks %.3g (%.3g)\n",
+                  elements, pieces, now->step / whole->step, now->condition[0], whole->condition[0], now->condition[1],
+                  whole->condition[1], now->condition[2], whole->condition[2]);
+}
+
 /* Thirty random cuts through one cube leave crumbs without limit, unless a smallest thickness is set: then the stable
-   step stays within a tenth of the cube's. */
+   step stays within a tenth of the cube's. So does the condition of the step's matrix M + h^2 K, as solvers see it that
+   scale by diagonal blocks: trivially, for loose pieces. Without scaling it tells the masses of pieces apart. */
 static void test_smallest(void **state) {
     (void)state;
     check_random random = check_random_seeded(30);
@@ -721,7 +798,7 @@ static void test_smallest(void **state) {
     dgfem_cut_desc desc = dgfem_default_cut_desc();
     base.warp = 0;
     dgfem_body *body = make_box(&base, 1, 1, 1, 1, 1, 1);
-    double whole = stable_step(body, &random);
+    fitness whole = measure_fitness(body, &random), now;
     desc.smallest = (dgfem_real)0.1;
     for (int c = 0; c < 30; c++) {
         dgfem_vec3 n = check_random_vec3(&random, -1, 1), x = check_random_vec3(&random, 0, 1);
@@ -731,9 +808,33 @@ static void test_smallest(void **state) {
     }
     check_near(dgfem_mesh_volume(body->mesh), 1, 1000 * quiet);
     assert_true(piece_count(body, NULL, 0) > 20);
-    double now = stable_step(body, &random);
-    print_message("%d pieces, stable step %.3f of the cube's\n", piece_count(body, NULL, 0), now / whole);
-    assert_true(now >= 0.1 * whole);
+    now = measure_fitness(body, &random);
+    print_fitness(&now, &whole, body->mesh->element_count, piece_count(body, NULL, 0));
+    assert_true(now.step >= 0.1 * whole.step);
+    assert_true(now.condition[SCALING_BLOCKS] <= 10 * whole.condition[SCALING_BLOCKS]);
+    dgfem_body_destroy(body);
+}
+
+/* The same for a body that still hangs together: thirty random triangles through 27 cubes. h^2 K is hundreds of times
+   M here. */
+static void test_condition(void **state) {
+    (void)state;
+    check_random random = check_random_seeded(31);
+    dgfem_body_desc base = soft_desc();
+    dgfem_cut_desc desc = dgfem_default_cut_desc();
+    base.warp = 0, base.material.young = 10000;
+    dgfem_body *body = make_box(&base, 3, 3, 3, 1, 1, 1);
+    fitness whole = measure_fitness(body, &random), now;
+    desc.smallest = (dgfem_real)0.1 / 3;
+    for (int c = 0; c < 30; c++) {
+        dgfem_vec3 corners[3], x = check_random_vec3(&random, 0, 1);
+        for (int k = 0; k < 3; k++) corners[k] = dgfemi_add(x, check_random_vec3(&random, -0.4, 0.4));
+        check_status(dgfem_body_cut_polygon(body, dgfem_points_in_vec3(corners, 3), &desc, NULL), DGFEM_OK);
+    }
+    assert_true(body->mesh->element_count > 100);
+    now = measure_fitness(body, &random);
+    print_fitness(&now, &whole, body->mesh->element_count, piece_count(body, NULL, 0));
+    assert_true(now.condition[SCALING_BLOCKS] <= 10 * whole.condition[SCALING_BLOCKS]);
     dgfem_body_destroy(body);
 }
 
@@ -840,7 +941,7 @@ int main(void) {
         cmocka_unit_test(test_conditions_stay),
         cmocka_unit_test(test_forms_are_those_of_a_new_body),
         cmocka_unit_test(test_random_cuts),
-        cmocka_unit_test(test_smallest),
+        cmocka_unit_test(test_smallest), cmocka_unit_test(test_condition),
         cmocka_unit_test(test_bad_blades),
         cmocka_unit_test(test_failures_change_nothing),
     };
