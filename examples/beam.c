@@ -19,10 +19,9 @@ static beam read_options(int argc, char **argv) {
                               "beam [--nx 8] [--ny 2] [--nz 2] [--lx 4] [--ly 1] [--lz 1] [--degree 1..3]\n"
                               "  [--flux ip|bz] [--penalty split|tensor|scalar] [--eta E]\n"
                               "  [--young 2.5e6] [--poisson 0.3] [--density 1000] [--gravity 9.81] [--warp 0|1]\n"
-                              "  [--static | --steps N --dt 0.0166] [--solver cholesky|pcg] [--vtu FILE]");
+                              "  [--static | --steps N --dt 0.0166] [--solver auto|stale|cholesky|sweeps|pcg] [--vtu FILE]");
     static const dgfem_flux fluxes[] = {DGFEM_FLUX_IP, DGFEM_FLUX_BZ};
     static const dgfem_penalty penalties[] = {DGFEM_PENALTY_SPLIT, DGFEM_PENALTY_TENSOR, DGFEM_PENALTY_SCALAR};
-    static const dgfem_solver solvers[] = {DGFEM_SOLVER_CHOLESKY, DGFEM_SOLVER_PCG};
     beam b;
     b.desc = dgfem_default_body_desc();
     b.cells[0] = program_int(&p, "--nx", 8, 1, 1000);
@@ -43,7 +42,7 @@ static beam read_options(int argc, char **argv) {
     b.is_static = program_flag(&p, "--static");
     b.steps = program_int(&p, "--steps", 0, 0, INT_MAX);
     b.dt = program_real(&p, "--dt", 1.0 / 60);
-    b.desc.solver = solvers[program_choice(&p, "--solver", "cholesky|pcg", 0)];
+    b.desc.solver = (dgfem_solver)program_choice(&p, "--solver", "auto|stale|cholesky|sweeps|pcg", 0);
     b.vtu = program_text(&p, "--vtu", NULL);
     program_end(&p);
     if (b.steps == 0) b.is_static = 1;

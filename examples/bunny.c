@@ -39,7 +39,7 @@ static options read_options(int argc, char **argv) {
     program p = program_begin(argc, argv,
                               "bunny [--model FILE] [--out build/demo] [--cells 11] [--seconds 12] [--dt 0.0166667]\n"
                               "  [--young 4e5] [--slope 30] [--frame-every 3] [--no-frames]\n"
-                              "  [--solver cholesky|pcg]");
+                              "  [--solver auto|stale|cholesky|sweeps|pcg]");
     options o;
     o.model = program_text(&p, "--model", NULL);
     o.out = program_text(&p, "--out", "build/demo");
@@ -48,7 +48,7 @@ static options read_options(int argc, char **argv) {
     o.dt = program_real(&p, "--dt", 1.0 / 60);
     o.young = program_real(&p, "--young", 4e5);
     o.slope = program_real(&p, "--slope", 30);
-    o.solver = program_choice(&p, "--solver", "cholesky|pcg", 0) ? DGFEM_SOLVER_PCG : DGFEM_SOLVER_CHOLESKY;
+    o.solver = (dgfem_solver)program_choice(&p, "--solver", "auto|stale|cholesky|sweeps|pcg", 0);
     o.frame_every = program_int(&p, "--frame-every", 3, 1, 1000000);
     o.write_frames = !program_flag(&p, "--no-frames");
     program_end(&p);

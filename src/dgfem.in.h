@@ -157,6 +157,22 @@
    - Calls on the same object from two threads at once. Different objects are independent.
 
 
+   THE SOLVER
+
+   A step solves one linear system for the velocities, to an error that nobody sees: dgfem_body_desc.velocity_tolerance,
+   1e-3 of the mean speed. Linear momentum is kept to round-off whatever the tolerance. Members of dgfem_body_desc.solver:
+
+       DGFEM_SOLVER_AUTO       takes what pays, counted in operations: mostly an earlier factorization, turned with the
+                               elements, one to three iterations a step; sweeps after a cut, where there is none
+       DGFEM_SOLVER_STALE      the former alone
+       DGFEM_SOLVER_SWEEPS     the latter alone: ten to thirty iterations a step, each little more than a product with
+                               the matrix; no step is ever much dearer than another, and memory grows with the body
+       DGFEM_SOLVER_CHOLESKY   factors in every step: exact, and the same velocities from the same state
+       DGFEM_SOLVER_PCG        block-Jacobi to a given residual (solver_tolerance)
+
+   With AUTO and STALE some steps factor, and cost as much as Cholesky's. dgfem_step_info tells what a step did.
+
+
    NUMERIC LIMITS
 
    - Units are yours, if consistent; the comments use SI. Geometry is measured about each element's own centre, so that
@@ -178,7 +194,7 @@
      loads that turn the tip of a beam by more than some 80 degrees: use load steps, or damped time steps.
    - With warping, linear momentum is kept but for round-off, angular momentum only nearly.
    - Counts and indices are int. Memory grows with the number of elements, that of the Cholesky factor faster;
-     DGFEM_SOLVER_PCG needs no factor.
+     DGFEM_SOLVER_SWEEPS and _PCG need no factor.
    - In float, tolerances are as documented at each function; prefer double for degree 2 and 3 and for static solves.
 
 
