@@ -16011,17 +16011,24 @@ static void dgfemi_invert_from_cholesky(dgfem_real *a, int size) {
         }
 }
 
+/* 0 when the block is not positive definite. */
+static int dgfemi_invert_diagonal_block(const dgfem_matrix *matrix, int r, dgfem_real *inverse) {
+    int n = dgfemi_block_size(matrix, r);
+    size_t count = (size_t)n * (size_t)n, from = matrix->value_start[dgfemi_diagonal_index(matrix, r)];
+    memcpy(inverse, matrix->values + from, count * sizeof *inverse);
+    if (!dgfemi_cholesky_dense(inverse, n)) return 0;
+    dgfemi_invert_from_cholesky(inverse, n);
+    return 1;
+}
+
 /* Inverts all diagonal blocks into `inverse`, one behind the other. Returns a block that is not positive definite, or
    DGFEM_NONE. */
 static int dgfemi_invert_diagonal(const dgfem_matrix *matrix, dgfem_real *inverse) {
     int r;
     for (r = 0; r < matrix->block_count; r++) {
         int n = dgfemi_block_size(matrix, r);
-        size_t count = (size_t)n * (size_t)n, from = matrix->value_start[dgfemi_diagonal_index(matrix, r)];
-        memcpy(inverse, matrix->values + from, count * sizeof *inverse);
-        if (!dgfemi_cholesky_dense(inverse, n)) return r;
-        dgfemi_invert_from_cholesky(inverse, n);
-        inverse += count;
+        if (!dgfemi_invert_diagonal_block(matrix, r, inverse)) return r;
+        inverse += n * n;
     }
     return DGFEM_NONE;
 }
@@ -18246,6 +18253,7 @@ struct dgfem_contacts {
     int element_count;
     dgfem_real *share; /* [elements] s_e of element[i] */
     char *mark;        /* [elements] 1 for the elements of the row */
+    char *touched;     /* [elements] 1 for those whose blocks the last assembly has added to */
     dgfem_hooks hooks;
 };
 
@@ -18359,8 +18367,9 @@ static int dgfemi_contacts_reserve(dgfem_contacts *contacts, const dgfem_body *b
     contacts->element = (int *)dgfemi_allocate(hooks, elements, sizeof(int));
     contacts->share = (dgfem_real *)dgfemi_allocate(hooks, elements, sizeof(dgfem_real));
     contacts->mark = (char *)dgfemi_allocate_zero(hooks, elements, 1);
+    contacts->touched = (char *)dgfemi_allocate_zero(hooks, elements, 1);
     return contacts->sample_value && contacts->displacement && contacts->velocity && contacts->row &&
-           contacts->element && contacts->share && contacts->mark;
+           contacts->element && contacts->share && contacts->mark && contacts->touched;
 }
 
 static void dgfemi_contacts_destroy(dgfem_contacts *contacts) {
@@ -18374,6 +18383,7 @@ static void dgfemi_contacts_destroy(dgfem_contacts *contacts) {
     dgfemi_free(&hooks, contacts->velocity);
     dgfemi_free(&hooks, contacts->row);
     dgfemi_free(&hooks, contacts->element);
+    dgfemi_free(&hooks, contacts->touched);
     dgfemi_free(&hooks, contacts->share);
     dgfemi_free(&hooks, contacts->mark);
     dgfemi_free(&hooks, contacts);
@@ -18553,6 +18563,7 @@ static void dgfemi_contacts_add_row(const dgfem_contacts *contacts, const dgfem_
         if (!(contacts->share[i] > 0)) continue;
         for (int j = 0; j < n; j++) rhs[start + j] = dgfemi_add_scaled(rhs[start + j], a[j], g);
         dgfemi_add_kronecker(dgfem_matrix_block(matrix, e, e), a, n, 1 / contacts->share[i], b);
+        contacts->touched[e] = 1;
     }
 }
 
@@ -18615,6 +18626,7 @@ static int dgfemi_contacts_assemble(dgfem_contacts *contacts, const dgfem_body *
                                     dgfem_matrix *matrix, dgfem_vec3 *b) {
     const dgfem_embedding *embedding = contacts->embedding;
     int active = 0;
+    memset(contacts->touched, 0, (size_t)body->mesh->element_count);
     dgfemi_embedding_samples(embedding, body, body->displacement, contacts->sample_value);
     dgfemi_embedding_points(embedding, contacts->sample_value, contacts->displacement);
     dgfemi_embedding_samples(embedding, body, body->velocity, contacts->sample_value);
@@ -19187,7 +19199,8 @@ static dgfem_real dgfemi_elastic_energy(const dgfem_body *body, const dgfem_mat3
        P = T A0 T^T,   P^-1 r = T (A0^-1 (T^T r)),
 
    and conjugate gradients preconditioned by P need one to three iterations, until neighbours have turned much against
-   each other or contact has changed much. As long as there is no factorization, as after a cut, Gauss-Seidel sweeps are
+   each other. Contact is stiff and changes from step to step, but only in diagonal blocks of the elements that touch:
+   these are swept over before and after (a symmetric multiplicative Schwarz method). As long as there is no factorization, as after a cut, Gauss-Seidel sweeps are
    the preconditioner (ssor.c): they need ten times the iterations, but nothing is to be made for them.
 
    The iteration starts from the velocity of now, moved along its change in the last step so far as lowers the error's
@@ -19208,8 +19221,13 @@ struct dgfem_step_solver {
     double rent;            /* paid since the last factorization or since it was given up */
     double price;           /* in factorizations: 1, or more where they have not lasted */
     int age;                /* steps since the factorization */
+    int without_sweeps;     /* steps to come without: they had cost more than a factorization in one step */
     dgfem_mat3 *rotation;   /* [elements] at the factorization */
     dgfem_mat3 *turn;       /* [elements] from then to now */
+    char *touched;          /* [elements] 1 for those that touched something at the factorization */
+    char *in_patch;         /* [elements] 1 for those that touched something then or touch something now, */
+    int *patch;             /* [elements] and their list, ascending */
+    int patch_count;
     dgfem_vec3 *change;     /* [basis functions] of the velocity in the last step; zero at first */
     dgfem_real *vectors;    /* [DGFEMI_STEP_VECTORS * unknowns] */
     dgfem_real *inverse;    /* of the diagonal blocks */
@@ -19233,9 +19251,13 @@ enum {
 
 /* Dense kernels of a factorization are so much faster than solves, which wait for memory. */
 #define DGFEM_FACTOR_SPEED 8.
+/* What sweeps leave of the error is smooth, and adds up from step to step more than what a factorization leaves: they
+   iterate to such a part of the tolerance. */
+#define DGFEM_SWEEP_CARE 3.
 /* A factorization that lasted for fewer steps was not worth its price. */
 #define DGFEM_SHORT_LIFE 4
 #define DGFEM_HIGHEST_PRICE 64.
+#define DGFEM_STEPS_WITHOUT_SWEEPS 32
 /* A factorization that costs no more than so many iterations with sweeps is made at once. */
 #define DGFEM_FEW_SWEEPS 12.
 
@@ -19245,6 +19267,9 @@ static void dgfemi_step_solver_destroy(dgfem_step_solver *solver, const dgfem_ho
     if (!solver) return;
     dgfemi_free(hooks, solver->rotation);
     dgfemi_free(hooks, solver->turn);
+    dgfemi_free(hooks, solver->touched);
+    dgfemi_free(hooks, solver->in_patch);
+    dgfemi_free(hooks, solver->patch);
     dgfemi_free(hooks, solver->change);
     dgfemi_free(hooks, solver->vectors);
     dgfemi_free(hooks, solver->inverse);
@@ -19280,10 +19305,14 @@ static dgfem_step_solver *dgfemi_step_solver_create(const dgfem_mesh *mesh, cons
     if (!solver) return NULL;
     solver->rotation = (dgfem_mat3 *)dgfemi_allocate(hooks, elements, sizeof(dgfem_mat3));
     solver->turn = (dgfem_mat3 *)dgfemi_allocate(hooks, elements, sizeof(dgfem_mat3));
+    solver->touched = (char *)dgfemi_allocate_zero(hooks, elements, 1);
+    solver->in_patch = (char *)dgfemi_allocate_zero(hooks, elements, 1);
+    solver->patch = (int *)dgfemi_allocate(hooks, elements, sizeof(int));
     solver->change = (dgfem_vec3 *)dgfemi_allocate_zero(hooks, size / 3, sizeof(dgfem_vec3));
     solver->vectors = (dgfem_real *)dgfemi_allocate(hooks, DGFEMI_STEP_VECTORS * size, sizeof(dgfem_real));
     solver->inverse = (dgfem_real *)dgfemi_allocate(hooks, dgfemi_diagonal_size(matrix), sizeof(dgfem_real));
-    if (!solver->rotation || !solver->turn || !solver->change || !solver->vectors || !solver->inverse ||
+    if (!solver->rotation || !solver->turn || !solver->touched || !solver->in_patch ||
+        !solver->patch || !solver->change || !solver->vectors || !solver->inverse ||
         !dgfemi_step_solver_find_pieces(solver, mesh, hooks)) {
         dgfemi_step_solver_destroy(solver, hooks);
         return NULL;
@@ -19368,12 +19397,99 @@ static dgfem_real *dgfemi_step_vector(const dgfem_body *body, int k) {
     return body->step_solver->vectors + (size_t)k * (size_t)body->matrix->size;
 }
 
-static void dgfemi_apply_factor(void *context, const dgfem_real *r, dgfem_real *z) {
-    const dgfem_body *body = (const dgfem_body *)context;
+/* z += P^-1 r */
+static void dgfemi_add_turned_solution(const dgfem_body *body, const dgfem_real *r, dgfem_real *z) {
     dgfem_real *turned = dgfemi_step_vector(body, DGFEMI_STEP_TURNED);
     dgfemi_turn_elements(body, 1, r, turned);
     dgfemi_solve(body->cholesky, 1, turned, turned);
-    dgfemi_turn_elements(body, 0, turned, z);
+    dgfemi_turn_elements(body, 0, turned, turned);
+    dgfemi_vector_add(body->matrix->size, 1, turned, z);
+}
+
+/* out = r - A z */
+static void dgfemi_residual_of(const dgfem_matrix *matrix, const dgfem_real *r, const dgfem_real *z, dgfem_real *out) {
+    dgfem_matrix_multiply(matrix, z, out);
+    for (int i = 0; i < matrix->size; i++) out[i] = r[i] - out[i];
+}
+
+/* The elements that contact makes or made stiffer than the turned factorization has them, and the inverses of their
+   blocks. 0 when one is not positive definite. */
+static int dgfemi_find_patch(const dgfem_body *body) {
+    const dgfem_matrix *matrix = body->matrix;
+    dgfem_step_solver *solver = body->step_solver;
+    dgfem_real *inverse = solver->inverse;
+    solver->patch_count = 0;
+    for (int e = 0; e < matrix->block_count; e++) {
+        int n = dgfemi_block_size(matrix, e);
+        solver->in_patch[e] = solver->touched[e] || (body->shape_count && body->contacts->touched[e]);
+        if (!solver->in_patch[e]) continue;
+        solver->patch[solver->patch_count++] = e;
+        if (!dgfemi_invert_diagonal_block(matrix, e, inverse)) return 0;
+        inverse += n * n;
+    }
+    return 1;
+}
+
+/* z_e = D_e^-1 (r_e - sum of A_ec z_c over elements c < e of the patch), for the patch's e, ascending */
+static void dgfemi_sweep_up(const dgfem_body *body, const dgfem_real *r, dgfem_real *z) {
+    const dgfem_matrix *matrix = body->matrix;
+    const dgfem_step_solver *solver = body->step_solver;
+    const dgfem_real *inverse = solver->inverse;
+    dgfem_real own[DGFEM_MAX_BLOCK];
+    for (int i = 0; i < solver->patch_count; i++) {
+        int e = solver->patch[i], n = dgfemi_block_size(matrix, e), first = matrix->offset[e];
+        memset(own, 0, (size_t)n * sizeof *own);
+        for (int k = matrix->row_start[e]; k < dgfemi_diagonal_index(matrix, e); k++) {
+            int c = matrix->column[k];
+            if (solver->in_patch[c])
+                dgfemi_block_multiply(matrix->values + matrix->value_start[k], n, dgfemi_block_size(matrix, c),
+                                      z + matrix->offset[c], own);
+        }
+        for (int j = 0; j < n; j++) own[j] = r[first + j] - own[j], z[first + j] = 0;
+        dgfemi_block_multiply_transposed(inverse, n, n, own, z + first);
+        inverse += n * n;
+    }
+}
+
+/* z_e += D_e^-1 (r_e - sum of A_ec d_c over elements c > e of the patch), d_c what was added there, descending. r is used
+   up. */
+static void dgfemi_sweep_down(const dgfem_body *body, dgfem_real *r, dgfem_real *z) {
+    const dgfem_matrix *matrix = body->matrix;
+    const dgfem_step_solver *solver = body->step_solver;
+    const dgfem_real *inverse = solver->inverse;
+    dgfem_real added[DGFEM_MAX_BLOCK];
+    for (int i = 0; i < solver->patch_count; i++) {
+        int n = dgfemi_block_size(matrix, solver->patch[i]);
+        inverse += n * n;
+    }
+    for (int i = solver->patch_count - 1; i >= 0; i--) {
+        int e = solver->patch[i], n = dgfemi_block_size(matrix, e), first = matrix->offset[e];
+        inverse -= n * n;
+        memset(added, 0, (size_t)n * sizeof *added);
+        dgfemi_block_multiply_transposed(inverse, n, n, r + first, added);
+        for (int j = 0; j < n; j++) z[first + j] += added[j], added[j] = -added[j];
+        for (int k = matrix->row_start[e]; k < dgfemi_diagonal_index(matrix, e); k++) {
+            int c = matrix->column[k];
+            if (solver->in_patch[c])
+                dgfemi_block_multiply_transposed(matrix->values + matrix->value_start[k], n,
+                                                 dgfemi_block_size(matrix, c), added, r + matrix->offset[c]);
+        }
+    }
+}
+
+static void dgfemi_apply_factor(void *context, const dgfem_real *r, dgfem_real *z) {
+    const dgfem_body *body = (const dgfem_body *)context;
+    dgfem_real *rest = dgfemi_step_vector(body, DGFEMI_STEP_Q);
+    memset(z, 0, (size_t)body->matrix->size * sizeof *z);
+    if (body->step_solver->patch_count == 0) {
+        dgfemi_add_turned_solution(body, r, z);
+        return;
+    }
+    dgfemi_sweep_up(body, r, z);
+    dgfemi_residual_of(body->matrix, r, z, rest);
+    dgfemi_add_turned_solution(body, rest, z);
+    dgfemi_residual_of(body->matrix, r, z, rest);
+    dgfemi_sweep_down(body, rest, z);
 }
 
 static void dgfemi_find_turns(const dgfem_body *body, const dgfem_mat3 *rotation) {
@@ -19524,6 +19640,8 @@ static dgfem_status dgfemi_factor_step(dgfem_body *body, const dgfem_mat3 *rotat
     info->factorizations++;
     if (status) return status;
     memcpy(solver->rotation, rotation, (size_t)body->mesh->element_count * sizeof *rotation);
+    for (int e = 0; e < body->mesh->element_count; e++)
+        solver->touched[e] = body->shape_count && body->contacts->touched[e];
     solver->is_factored = 1;
     solver->rent = 0;
     solver->age = 0;
@@ -19556,7 +19674,8 @@ static int dgfemi_iterate_stale(dgfem_body *body, dgfemi_pcg *cg, const dgfem_ma
     solver->age++;
     if (solver->rent < solver->factor_work) {
         dgfemi_find_turns(body, rotation);
-        if (dgfemi_iterate_with_factor(body, cg, target, limit + 1, iterations, error)) {
+        if (dgfemi_find_patch(body) &&
+            dgfemi_iterate_with_factor(body, cg, target, limit + 1, iterations, error)) {
             solver->rent += (*iterations - before - 1) * solver->solve_work;
             return 1;
         }
@@ -19573,15 +19692,19 @@ static int dgfemi_iterate_stale(dgfem_body *body, dgfemi_pcg *cg, const dgfem_ma
 static int dgfemi_iterate_step(dgfem_body *body, dgfemi_pcg *cg, const dgfem_mat3 *rotation, double target,
                                int *iterations, double *error) {
     dgfem_step_solver *solver = body->step_solver;
-    int limit = body->desc.solver_iterations, before;
+    int limit = body->desc.solver_iterations, most = limit, before;
     if (body->desc.solver != DGFEM_SOLVER_SWEEPS) {
+        if (solver->without_sweeps > 0) solver->without_sweeps--;
         if (dgfemi_iterate_stale(body, cg, rotation, target, iterations, error)) return 1;
+        most = dgfemi_affordable(solver->factor_work, 0, solver->sweep_work);
         limit = dgfemi_affordable(solver->price * solver->factor_work, solver->rent, solver->sweep_work);
-        if (body->desc.solver == DGFEM_SOLVER_STALE || limit < DGFEM_FEW_SWEEPS) return 0;
+        if (limit > most) limit = most;
+        if (body->desc.solver == DGFEM_SOLVER_STALE || solver->without_sweeps > 0 || limit < DGFEM_FEW_SWEEPS) return 0;
     }
     before = *iterations;
-    int good = dgfemi_iterate_with_sweeps(body, cg, target, limit, iterations, error);
+    int good = dgfemi_iterate_with_sweeps(body, cg, target / DGFEM_SWEEP_CARE, limit, iterations, error);
     solver->rent += (*iterations - before) * solver->sweep_work;
+    if (!good && limit == most) solver->without_sweeps = DGFEM_STEPS_WITHOUT_SWEEPS;
     return good;
 }
 
@@ -19609,6 +19732,7 @@ static dgfem_status dgfemi_solve_step(dgfem_body *body, dgfem_real h, const dgfe
         status = dgfemi_factor_step(body, rotation, info);
         if (status) return status;
         dgfemi_find_turns(body, rotation);
+        body->step_solver->patch_count = 0; /* the factorization is of this very matrix */
         dgfemi_start_step(body, &cg);
         (void)dgfemi_iterate_with_factor(body, &cg, target, 1, &info->iterations, &error);
     }
@@ -24965,7 +25089,7 @@ static void dgfemi_skin_place(dgfemi_skin_cutter *c, dgfemi_blade_sides *sides, 
 
 /* A corner that is to be carried by another element. */
 typedef struct dgfemi_skin_tear {
-    int corner, vertex, copy; /* place in the triangles; the vertex there; what it becomes */
+    int corner, vertex, weld, copy; /* place in the triangles; the vertex there and its weld; what it becomes */
     dgfemi_location location;
 } dgfemi_skin_tear;
 
@@ -25070,6 +25194,7 @@ static int dgfemi_skin_find_tears(dgfemi_skin_tearer *t, int first) {
         t->tears = (dgfemi_skin_tear *)grown;
         tear = &t->tears[t->tear_count++];
         tear->corner = first + k, tear->vertex = corner[k], tear->copy = DGFEM_NONE;
+        tear->weld = t->cutter->vertices[corner[k]].weld;
         tear->location = dgfemi_locate_in(t->locator->mesh, t->queue[0], rest);
         for (int i = 1; i < count; i++) {
             dgfemi_location location = dgfemi_locate_in(t->locator->mesh, t->queue[i], rest);
@@ -25081,8 +25206,9 @@ static int dgfemi_skin_find_tears(dgfemi_skin_tearer *t, int first) {
 
 static int dgfemi_compare_tears(const void *a, const void *b) {
     const dgfemi_skin_tear *s = (const dgfemi_skin_tear *)a, *t = (const dgfemi_skin_tear *)b;
-    if (s->vertex != t->vertex) return s->vertex < t->vertex ? -1 : 1;
+    if (s->weld != t->weld) return s->weld < t->weld ? -1 : 1;
     if (s->location.element != t->location.element) return s->location.element < t->location.element ? -1 : 1;
+    if (s->vertex != t->vertex) return s->vertex < t->vertex ? -1 : 1;
     return s->corner < t->corner ? -1 : s->corner > t->corner;
 }
 
@@ -25101,6 +25227,30 @@ static int dgfemi_skin_copy_torn(dgfemi_skin_tearer *t, const int *used) {
             copy = dgfemi_skin_add_vertex(c, v.rest, v.anchor, v.world, vertex, vertex, 0, v.side, v.element);
         if (copy == DGFEM_NONE) return 0;
         for (int k = i; k < end; k++) t->tears[k].copy = copy;
+    }
+    return 1;
+}
+
+/* Vertices of one weld that go to one element stay one weld, without those that stay behind. 1 on success. */
+static int dgfemi_skin_weld_torn(dgfemi_skin_tearer *t, dgfemi_arena *arena) {
+    dgfemi_skin_vertex *vertices = t->cutter->vertices;
+    int count = t->cutter->vertex_count, *first = (int *)dgfemi_arena_allocate(arena, (size_t)count, sizeof(int));
+    char *goes = (char *)dgfemi_arena_allocate_zero(arena, (size_t)count, 1);
+    if (!first || !goes) return 0;
+    for (int v = 0; v < count; v++) first[v] = DGFEM_NONE;
+    for (int i = 0; i < t->tear_count; i++) goes[t->tears[i].copy] = 1;
+    for (int v = 0; v < count; v++) {
+        if (goes[v]) continue;
+        if (first[vertices[v].weld] == DGFEM_NONE) first[vertices[v].weld] = v;
+        vertices[v].weld = first[vertices[v].weld];
+    }
+    for (int i = 0, end; i < t->tear_count; i = end) {
+        int lowest = t->tears[i].copy;
+        for (end = i; end < t->tear_count && t->tears[end].weld == t->tears[i].weld &&
+                      t->tears[end].location.element == t->tears[i].location.element;
+             end++)
+            if (t->tears[end].copy < lowest) lowest = t->tears[end].copy;
+        for (int k = i; k < end; k++) vertices[t->tears[k].copy].weld = lowest;
     }
     return 1;
 }
@@ -25150,7 +25300,8 @@ static int dgfemi_skin_tear_triangles(dgfemi_arena *arena, dgfemi_skin_cutter *c
         if (!(t.at_cut[a] || t.at_cut[b] || t.at_cut[d]) || dgfemi_skin_hang_together(mesh, a, b, d)) continue;
         ok = dgfemi_skin_find_tears(&t, i);
     }
-    ok = ok && dgfemi_skin_copy_torn(&t, used) && (t.tear_count == 0 || dgfemi_skin_apply_tears(&t, arena, count));
+    ok = ok && dgfemi_skin_copy_torn(&t, used);
+    if (ok && t.tear_count > 0) ok = dgfemi_skin_weld_torn(&t, arena) && dgfemi_skin_apply_tears(&t, arena, count);
     dgfemi_free(c->hooks, t.tears);
     return ok;
 }

@@ -41,7 +41,8 @@
 
    Large rotations are dealt with by stiffness warping: a linear element in a frame that turns with it. One linear
    system is solved in each step; pattern and symbolic factorization are made once, and again in the first step after
-   cuts.
+   cuts. With parallel_for in the hooks, rotations, forces, the matrix and its factorization are computed by the
+   caller's threads, to the same bits for any number of them.
 
 
    A WHOLE PROGRAM
@@ -647,6 +648,15 @@ static void *dgfem_mvci_take(dgfem_mvci_scratch *scratch, size_t count, size_t s
 
 static void dgfem_mvci_scratch_free(dgfem_mvci_scratch *scratch) {
     while (scratch->count) dgfem_mvci_free(scratch->hooks, scratch->blocks[--scratch->count]);
+}
+
+/* ---- time and parallel loops ---- */
+
+/* fn for ranges of 0 <= i < count, in the caller's threads where there are any. */
+static void dgfem_mvci_run(const dgfem_hooks *hooks, int count, int grain, dgfem_range_fn fn, void *context) {
+    if (hooks->parallel_for && count > grain)
+        hooks->parallel_for(hooks->parallel_for_user, count, grain, fn, context);
+    else fn(context, 0, count);
 }
 
 static double dgfem_mvci_clock(const dgfem_hooks *hooks) { return hooks->clock ? hooks->clock(hooks->clock_user) : 0; }
@@ -2305,6 +2315,12 @@ enum {
     DGFEM_MVCI_VECTORS
 };
 
+/* A pair of an element's nodes as part of a block of the matrix. */
+typedef struct dgfem_mvci_block_part {
+    int element, pair;
+    int turned; /* 1: transposed */
+} dgfem_mvci_block_part;
+
 struct dgfem_mvc_system {
     int *node_start;       /* [element_count + 1] into what elements have per node: */
     int *nodes;            /*   its nodes, in the order of the rows of its stiffness */
@@ -2312,17 +2328,22 @@ struct dgfem_mvc_system {
     dgfem_vec3 *mean;      /*   <grad phi_i> */
     size_t *pair_start;    /* [element_count + 1] into what elements have per pair of nodes (a, b), b <= a: */
     dgfem_real *stiffness; /*   9 numbers, row-major, at rest */
-    size_t *map;           /*   place of the matrix's block; NULL until dgfem_mvci_prepare_solver */
-    dgfem_matrix *matrix;     /* this and the next three: NULL until dgfem_mvci_prepare_solver */
-    dgfem_cholesky *cholesky; /* NULL with PCG */
-    size_t *diagonal;         /* [node_count] place of the matrix's block */
-    double factor_flops;      /* of the latest factorization, before the latest cut if need be; or 0 */
-    char *held;               /* [node_count] axes held */
-    dgfem_mat3 *next;         /* [element_count] rotations that become the body's when a call succeeds */
-    dgfem_vec3 *work;         /* DGFEM_MVCI_VECTORS * [node_count] */
-    dgfem_vec3 *local;        /* [2 * max_nodes] displacements and forces of an element */
+    int *use_start;        /* [node_count + 1] into `uses` */
+    int *uses;             /* positions of each node in `nodes`, ascending */
+    char *held;            /* [node_count] axes held */
+    dgfem_mat3 *next;      /* [element_count] rotations that become the body's when a call succeeds */
+    dgfem_vec3 *work;      /* DGFEM_MVCI_VECTORS * [node_count] */
+    dgfem_vec3 *local;     /* displacements of elements by position in `nodes`, then forces */
+    double factor_flops;   /* of the latest factorization, before the latest cut if need be; or 0 */
+
+    /* NULL until dgfem_mvci_prepare_solver. */
+    dgfem_matrix *matrix;
+    int *places;                  /* without threads: block of each pair; */
+    int *part_start;              /* with threads: [blocks of the matrix + 1] into `parts`, */
+    dgfem_mvci_block_part *parts; /*   what each block is the sum of, in the order of elements */
+    size_t *diagonal;             /* [node_count] place of the matrix's block */
+    dgfem_cholesky *cholesky;     /* or, with PCG, */
     dgfem_real *pcg_work;
-    int max_nodes; /* of an element */
 };
 
 static dgfem_vec3 *dgfem_mvci_vector(const dgfem_mvc *body, int k) {
@@ -2332,8 +2353,17 @@ static dgfem_real *dgfem_mvci_reals(dgfem_vec3 *x) { return (dgfem_real *)(void 
 
 /* ---- the elements' nodes ---- */
 
-/* Fills node_start, nodes, pair_start; *points is the largest number of samples times nodes of an element, *corners
-   that of nodes or triangles. 0 when out of memory. */
+static void dgfem_mvci_list_uses(const dgfem_mvc *body, dgfem_mvc_system *system) {
+    int *start = system->use_start, total = system->node_start[body->element_count];
+    for (int i = 0; i < total; i++) start[system->nodes[i] + 1]++;
+    for (int i = 0; i < body->node_count; i++) start[i + 1] += start[i];
+    for (int i = total - 1; i >= 0; i--) system->uses[--start[system->nodes[i] + 1]] = i;
+    for (int i = 0; i < body->node_count; i++) start[i] = start[i + 1]; /* each has come down to its beginning */
+    start[body->node_count] = total;
+}
+
+/* Fills node_start, nodes, pair_start and makes room for the rest; *points is the largest number of samples times nodes
+   of an element, *corners that of nodes or triangles. 0 when out of memory. */
 static int dgfem_mvci_lay_out(const dgfem_mvc *body, dgfem_mvc_system *system, size_t *points, int *corners) {
     const dgfem_mvci_mesh *mesh = body->mesh;
     const dgfem_hooks *hooks = &body->hooks;
@@ -2354,7 +2384,6 @@ static int dgfem_mvci_lay_out(const dgfem_mvc *body, dgfem_mvc_system *system, s
         int count = dgfem_mvci_element_nodes(mesh, e, mark, nodes + start);
         size_t samples = (size_t)dgfem_mvci_point_count(body->desc.quadrature, count, triangles);
         if (samples * (size_t)count > *points) *points = samples * (size_t)count;
-        if (count > system->max_nodes) system->max_nodes = count;
         system->node_start[e + 1] = start + count;
         system->pair_start[e + 1] = system->pair_start[e] + (size_t)count * ((size_t)count + 1) / 2;
     }
@@ -2365,9 +2394,13 @@ static int dgfem_mvci_lay_out(const dgfem_mvc *body, dgfem_mvc_system *system, s
         system->mean = (dgfem_vec3 *)dgfem_mvci_allocate(hooks, used, sizeof(dgfem_vec3));
         system->stiffness =
             (dgfem_real *)dgfem_mvci_allocate(hooks, system->pair_start[elements], 9 * sizeof(dgfem_real));
-        system->local = (dgfem_vec3 *)dgfem_mvci_allocate(hooks, 2 * (size_t)system->max_nodes, sizeof(dgfem_vec3));
-        ok = system->nodes && system->share && system->mean && system->stiffness && system->local;
+        system->local = (dgfem_vec3 *)dgfem_mvci_allocate(hooks, 2 * used, sizeof(dgfem_vec3));
+        system->use_start = (int *)dgfem_mvci_allocate(hooks, (size_t)mesh->node_count + 1, sizeof(int));
+        system->uses = (int *)dgfem_mvci_allocate(hooks, used, sizeof(int));
+        ok = system->nodes && system->share && system->mean && system->stiffness && system->local &&
+             system->use_start && system->uses;
     }
+    if (ok) dgfem_mvci_list_uses(body, system);
     dgfem_mvci_scratch_free(&scratch);
     return ok;
 }
@@ -2495,19 +2528,65 @@ static void dgfem_mvci_measure_nodes(dgfem_mvc *body, const dgfem_mvc_system *sy
 
 /* ---- matrix ---- */
 
-static void dgfem_mvci_fill_map(const dgfem_mvc *body, dgfem_mvc_system *system) {
-    size_t *map = system->map;
+/* The number of a block; all have nine values. */
+static int dgfem_mvci_block_index(const dgfem_matrix *matrix, int row, int column) {
+    return (int)((dgfem_matrix_block(matrix, row, column) - matrix->values) / 9);
+}
+
+/* Enters the block of each pair in places. Or counts the parts of each block in part_start[block + 1]; or, once these
+   are beginnings, writes them there, and part_start[block + 1] moves on. */
+static void dgfem_mvci_enter_parts(const dgfem_mvc *body, dgfem_mvc_system *system, int is_write) {
+    int pair = 0;
     for (int e = 0; e < body->element_count; e++) {
         const int *nodes = system->nodes + system->node_start[e];
         int count = system->node_start[e + 1] - system->node_start[e];
         for (int a = 0; a < count; a++)
-            for (int b = 0; b <= a; b++) {
-                int row = nodes[a] > nodes[b] ? nodes[a] : nodes[b], column = nodes[a] + nodes[b] - row;
-                *map++ = (size_t)(dgfem_matrix_block(system->matrix, row, column) - system->matrix->values);
+            for (int b = 0; b <= a; b++, pair++) {
+                int turned = nodes[a] < nodes[b];
+                int block = dgfem_mvci_block_index(system->matrix, nodes[turned ? b : a], nodes[turned ? a : b]);
+                if (system->places) {
+                    system->places[pair] = block;
+                    continue;
+                }
+                int at = system->part_start[block + 1]++;
+                if (!is_write) continue;
+                system->parts[at].element = e;
+                system->parts[at].pair = pair;
+                system->parts[at].turned = turned;
             }
     }
+}
+
+static void dgfem_mvci_list_parts(const dgfem_mvc *body, dgfem_mvc_system *system, int blocks) {
+    int *start = system->part_start, sum = 0;
+    dgfem_mvci_enter_parts(body, system, 0);
+    for (int k = 0; k < blocks; k++) { /* from counts to beginnings */
+        int count = start[k + 1];
+        start[k + 1] = sum;
+        sum += count;
+    }
+    dgfem_mvci_enter_parts(body, system, 1);
+}
+
+/* places or parts, as the hooks ask, and diagonal. 0 when out of memory. */
+static int dgfem_mvci_list_blocks(const dgfem_mvc *body, dgfem_mvc_system *system) {
+    const dgfem_hooks *hooks = &body->hooks;
+    const dgfem_matrix *matrix = system->matrix;
+    size_t pairs = system->pair_start[body->element_count];
+    int blocks = matrix->row_start[matrix->block_count];
+    DGFEM_ASSERT(matrix->value_start[blocks] == 9 * (size_t)blocks);
     for (int i = 0; i < body->node_count; i++)
-        system->diagonal[i] = (size_t)(dgfem_matrix_block(system->matrix, i, i) - system->matrix->values);
+        system->diagonal[i] = 9 * (size_t)dgfem_mvci_block_index(matrix, i, i);
+    if (!hooks->parallel_for) {
+        system->places = (int *)dgfem_mvci_allocate(hooks, pairs, sizeof(int));
+        if (system->places) dgfem_mvci_enter_parts(body, system, 0);
+        return system->places != NULL;
+    }
+    system->part_start = (int *)dgfem_mvci_allocate(hooks, (size_t)blocks + 1, sizeof(int));
+    system->parts = (dgfem_mvci_block_part *)dgfem_mvci_allocate(hooks, pairs, sizeof *system->parts);
+    if (!system->part_start || !system->parts) return 0;
+    dgfem_mvci_list_parts(body, system, blocks);
+    return 1;
 }
 
 static dgfem_status dgfem_mvci_create_matrix(const dgfem_mvc *body, dgfem_mvc_system *system) {
@@ -2547,12 +2626,17 @@ static dgfem_ordering dgfem_mvci_choose_ordering(const dgfem_mvc *body, int is_c
 }
 
 static void dgfem_mvci_free_solver(const dgfem_hooks *hooks, dgfem_mvc_system *system) {
-    dgfem_mvci_free(hooks, system->map);
+    dgfem_mvci_free(hooks, system->part_start);
+    dgfem_mvci_free(hooks, system->parts);
+    dgfem_mvci_free(hooks, system->places);
     dgfem_mvci_free(hooks, system->diagonal);
     dgfem_mvci_free(hooks, system->pcg_work);
     dgfem_matrix_destroy(system->matrix);
     dgfem_cholesky_destroy(system->cholesky);
-    system->map = system->diagonal = NULL;
+    system->part_start = NULL;
+    system->parts = NULL;
+    system->places = NULL;
+    system->diagonal = NULL;
     system->pcg_work = NULL;
     system->matrix = NULL;
     system->cholesky = NULL;
@@ -2560,7 +2644,6 @@ static void dgfem_mvci_free_solver(const dgfem_hooks *hooks, dgfem_mvc_system *s
 
 static dgfem_status dgfem_mvci_create_solver(const dgfem_mvc *body, dgfem_mvc_system *system, int is_cut) {
     const dgfem_hooks *hooks = &body->hooks;
-    size_t pairs = system->pair_start[body->element_count];
     dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
     dgfem_status status = dgfem_mvci_create_matrix(body, system);
     if (status) return status;
@@ -2573,11 +2656,9 @@ static dgfem_status dgfem_mvci_create_solver(const dgfem_mvc *body, dgfem_mvc_sy
         system->pcg_work =
             (dgfem_real *)dgfem_mvci_allocate(hooks, dgfem_pcg_work_size(system->matrix), sizeof(dgfem_real));
     if (status) return dgfem_mvci_fail(hooks, status, "the solver of %d nodes", body->node_count);
-    system->map = (size_t *)dgfem_mvci_allocate(hooks, pairs, sizeof(size_t));
     system->diagonal = (size_t *)dgfem_mvci_allocate(hooks, (size_t)body->node_count, sizeof(size_t));
-    if (!system->map || !system->diagonal || (!system->cholesky && !system->pcg_work))
+    if (!system->diagonal || (!system->cholesky && !system->pcg_work) || !dgfem_mvci_list_blocks(body, system))
         return dgfem_mvci_fail_memory(hooks);
-    dgfem_mvci_fill_map(body, system);
     return DGFEM_OK;
 }
 
@@ -2605,6 +2686,8 @@ static void dgfem_mvci_system_destroy(const dgfem_hooks *hooks, dgfem_mvc_system
     dgfem_mvci_free(hooks, system->next);
     dgfem_mvci_free(hooks, system->work);
     dgfem_mvci_free(hooks, system->local);
+    dgfem_mvci_free(hooks, system->use_start);
+    dgfem_mvci_free(hooks, system->uses);
     dgfem_mvci_free(hooks, system);
 }
 
@@ -3224,10 +3307,28 @@ static dgfem_mat3 dgfem_mvci_element_rotation(const dgfem_mvc *body, int e, cons
     return dgfem_mvci_horn(s, inertia, &body->rotation[e]);
 }
 
+/* A loop over all elements, nodes or blocks. */
+typedef struct dgfem_mvci_pass {
+    const dgfem_mvc *body;
+    const dgfem_mat3 *rotation; /* [element_count] */
+    dgfem_mat3 *rotation_out;
+    dgfem_vec3 *force; /* [node_count] */
+    dgfem_real factor;
+} dgfem_mvci_pass;
+
+static void dgfem_mvci_rotate_range(void *context, int first, int last) {
+    const dgfem_mvci_pass *pass = (const dgfem_mvci_pass *)context;
+    for (int e = first; e < last; e++)
+        pass->rotation_out[e] = dgfem_mvci_element_rotation(pass->body, e, pass->body->position);
+}
+
 /* Rotations of all elements at the current positions. */
 static void dgfem_mvci_rotations(const dgfem_mvc *body, dgfem_mat3 *out) {
-    for (int e = 0; e < body->element_count; e++)
-        out[e] = body->desc.warp ? dgfem_mvci_element_rotation(body, e, body->position) : dgfem_mvci_identity();
+    dgfem_mvci_pass pass;
+    memset(&pass, 0, sizeof pass);
+    pass.body = body, pass.rotation_out = out;
+    if (body->desc.warp) dgfem_mvci_run(&body->hooks, body->element_count, 32, dgfem_mvci_rotate_range, &pass);
+    for (int e = 0; !body->desc.warp && e < body->element_count; e++) out[e] = dgfem_mvci_identity();
 }
 
 /* ---- forces ---- */
@@ -3250,14 +3351,13 @@ static dgfem_vec3 dgfem_mvci_block_multiply_transposed(const dgfem_real *m, dgfe
                            m[2] * v.x + m[5] * v.y + m[8] * v.z);
 }
 
-/* Elastic energy of an element; with `out` (by node of the body) also adds R K y. */
-static dgfem_real dgfem_mvci_element_force(const dgfem_mvc *body, int e, const dgfem_mat3 *rotation, dgfem_vec3 *out) {
+/* R K y of an element into its part of system->local; returns its elastic energy. */
+static dgfem_real dgfem_mvci_element_push(const dgfem_mvc *body, int e, const dgfem_mat3 *rotation) {
     const dgfem_mvc_system *system = body->system;
     const dgfem_real *block = system->stiffness + 9 * system->pair_start[e];
-    const int *nodes = system->nodes + system->node_start[e];
-    int count = system->node_start[e + 1] - system->node_start[e];
+    int start = system->node_start[e], count = system->node_start[e + 1] - start;
     dgfem_vec3 centre = dgfem_mvci_element_mean(body, e, body->position);
-    dgfem_vec3 *y = system->local, *force = system->local + system->max_nodes;
+    dgfem_vec3 *y = system->local + start, *force = y + system->node_start[body->element_count];
     dgfem_real energy = 0;
     for (int a = 0; a < count; a++) {
         y[a] = dgfem_mvci_local_displacement(body, e, a, rotation, centre);
@@ -3271,33 +3371,92 @@ static dgfem_real dgfem_mvci_element_force(const dgfem_mvc *body, int e, const d
     }
     for (int a = 0; a < count; a++) {
         energy += dgfem_mvci_dot(y[a], force[a]) / 2;
-        if (out) out[nodes[a]] = dgfem_mvci_add(out[nodes[a]], dgfem_mvci_multiply(rotation, force[a]));
+        force[a] = dgfem_mvci_multiply(rotation, force[a]);
     }
     return energy;
 }
 
+static void dgfem_mvci_push_range(void *context, int first, int last) {
+    const dgfem_mvci_pass *pass = (const dgfem_mvci_pass *)context;
+    for (int e = first; e < last; e++) (void)dgfem_mvci_element_push(pass->body, e, &pass->rotation[e]);
+}
+
+/* Sums in the order of elements, whatever the threads. */
+static void dgfem_mvci_gather_range(void *context, int first, int last) {
+    const dgfem_mvci_pass *pass = (const dgfem_mvci_pass *)context;
+    const dgfem_mvc_system *system = pass->body->system;
+    const dgfem_vec3 *force = system->local + system->node_start[pass->body->element_count];
+    for (int i = first; i < last; i++) {
+        dgfem_vec3 sum = dgfem_mvci_vec3(0, 0, 0);
+        for (int k = system->use_start[i]; k < system->use_start[i + 1]; k++)
+            sum = dgfem_mvci_add(sum, force[system->uses[k]]);
+        pass->force[i] = sum;
+    }
+}
+
+/* Elastic force on each node, as R K y. */
+static void dgfem_mvci_forces(const dgfem_mvc *body, const dgfem_mat3 *rotation, dgfem_vec3 *out) {
+    dgfem_mvci_pass pass;
+    memset(&pass, 0, sizeof pass);
+    pass.body = body, pass.rotation = rotation, pass.force = out;
+    dgfem_mvci_run(&body->hooks, body->element_count, 16, dgfem_mvci_push_range, &pass);
+    dgfem_mvci_run(&body->hooks, body->node_count, 64, dgfem_mvci_gather_range, &pass);
+}
+
 /* ---- stiffness ---- */
 
-/* matrix += factor * sum R K R^T */
-static void dgfem_mvci_assemble_stiffness(const dgfem_mvc *body, const dgfem_mat3 *rotation, dgfem_real factor) {
+/* sum += factor * R K R^T, transposed where `turned`. */
+static void dgfem_mvci_add_rotated(dgfem_real *sum, dgfem_real factor, const dgfem_mat3 *rotation,
+                                   const dgfem_real *block, int turned) {
+    dgfem_mat3 m, back = dgfem_mvci_transposed(rotation);
+    memcpy(&m, block, sizeof m);
+    m = dgfem_mvci_multiply3(&m, &back);
+    m = dgfem_mvci_multiply3(rotation, &m);
+    if (turned) m = dgfem_mvci_transposed(&m);
+    for (int i = 0; i < 9; i++) sum[i] += factor * m.m[i / 3][i % 3];
+}
+
+/* Element by element: reads the stiffness in the order in which it lies in memory. */
+static void dgfem_mvci_scatter_stiffness(const dgfem_mvc *body, const dgfem_mat3 *rotation, dgfem_real factor) {
     const dgfem_mvc_system *system = body->system;
     const dgfem_real *block = system->stiffness;
-    const size_t *map = system->map;
+    const int *place = system->places;
+    dgfem_matrix_clear(system->matrix);
     for (int e = 0; e < body->element_count; e++) {
         const int *nodes = system->nodes + system->node_start[e];
         int count = system->node_start[e + 1] - system->node_start[e];
-        dgfem_mat3 back = dgfem_mvci_transposed(&rotation[e]);
         for (int a = 0; a < count; a++)
-            for (int b = 0; b <= a; b++, block += 9, map++) {
-                dgfem_real *to = system->matrix->values + *map;
-                dgfem_mat3 m;
-                memcpy(&m, block, sizeof m);
-                m = dgfem_mvci_multiply3(&m, &back);
-                m = dgfem_mvci_multiply3(&rotation[e], &m);
-                if (nodes[a] < nodes[b]) m = dgfem_mvci_transposed(&m);
-                for (int i = 0; i < 9; i++) to[i] += factor * m.m[i / 3][i % 3];
-            }
+            for (int b = 0; b <= a; b++, block += 9, place++)
+                dgfem_mvci_add_rotated(system->matrix->values + 9 * (size_t)*place, factor, &rotation[e], block,
+                                       nodes[a] < nodes[b]);
     }
+}
+
+/* Block by block, each summed in the order of elements: threads do not meet, and bits are those of the above. */
+static void dgfem_mvci_assemble_range(void *context, int first, int last) {
+    const dgfem_mvci_pass *pass = (const dgfem_mvci_pass *)context;
+    const dgfem_mvc_system *system = pass->body->system;
+    for (int k = first; k < last; k++) {
+        dgfem_real sum[9];
+        memset(sum, 0, sizeof sum);
+        for (int p = system->part_start[k]; p < system->part_start[k + 1]; p++) {
+            const dgfem_mvci_block_part *part = &system->parts[p];
+            dgfem_mvci_add_rotated(sum, pass->factor, &pass->rotation[part->element],
+                                   system->stiffness + 9 * (size_t)part->pair, part->turned);
+        }
+        memcpy(system->matrix->values + 9 * (size_t)k, sum, sizeof sum);
+    }
+}
+
+/* The matrix becomes factor * sum R K R^T. */
+static void dgfem_mvci_assemble_stiffness(const dgfem_mvc *body, const dgfem_mat3 *rotation, dgfem_real factor) {
+    const dgfem_matrix *matrix = body->system->matrix;
+    dgfem_mvci_pass pass;
+    memset(&pass, 0, sizeof pass);
+    pass.body = body, pass.rotation = rotation, pass.factor = factor;
+    if (!body->hooks.parallel_for) dgfem_mvci_scatter_stiffness(body, rotation, factor);
+    else
+        dgfem_mvci_run(&body->hooks, matrix->row_start[matrix->block_count], 64, dgfem_mvci_assemble_range, &pass);
 }
 
 /* ==== load.c ====================================================================================================== */
@@ -3543,10 +3702,8 @@ static void dgfem_mvci_assemble_step(dgfem_mvc *body, dgfem_real h, dgfem_vec3 *
     dgfem_vec3 *force = dgfem_mvci_vector(body, DGFEM_MVCI_FORCE);
     double start = dgfem_mvci_clock(&body->hooks);
     dgfem_mvci_rotations(body, system->next);
-    dgfem_matrix_clear(system->matrix);
     dgfem_mvci_assemble_stiffness(body, system->next, h * h + h * body->desc.damping_stiffness);
-    memset(force, 0, (size_t)body->node_count * sizeof *force);
-    for (int e = 0; e < body->element_count; e++) (void)dgfem_mvci_element_force(body, e, &system->next[e], force);
+    dgfem_mvci_forces(body, system->next, force);
     for (int i = 0; i < body->node_count; i++) {
         dgfem_real mass = body->mass[i], *block = system->matrix->values + system->diagonal[i];
         rhs[i] = dgfem_mvci_blend(mass, body->velocity[i], -h, force[i]);
@@ -3709,10 +3866,8 @@ static dgfem_status dgfem_mvci_static_sweep(dgfem_mvc *body, dgfem_real factor, 
     size_t size = (size_t)body->node_count * sizeof *d;
     double start = dgfem_mvci_clock(&body->hooks);
     dgfem_mvci_rotations(body, system->next);
-    dgfem_matrix_clear(system->matrix);
     dgfem_mvci_assemble_stiffness(body, system->next, 1);
-    memset(force, 0, size);
-    for (int e = 0; e < body->element_count; e++) (void)dgfem_mvci_element_force(body, e, &system->next[e], force);
+    dgfem_mvci_forces(body, system->next, force);
     for (int i = 0; i < body->node_count; i++) rhs[i] = dgfem_mvci_scale(-1, force[i]);
     dgfem_mvci_add_external(body, factor, rhs);
     dgfem_mvci_assemble_pins(body, 1, 1, rhs);
@@ -3980,11 +4135,8 @@ DGFEM_API dgfem_status dgfem_mvc_stress(const dgfem_mvc *body, int element, dgfe
 
 DGFEM_API dgfem_status dgfem_mvc_internal_force(const dgfem_mvc *body, dgfem_vec3 *out) {
     if (!body || !out) return DGFEM_ERROR_ARGUMENT;
-    memset(out, 0, (size_t)body->node_count * sizeof *out);
-    for (int e = 0; e < body->element_count; e++) {
-        dgfem_mat3 rotation = dgfem_mvci_rotation_now(body, e);
-        (void)dgfem_mvci_element_force(body, e, &rotation, out);
-    }
+    dgfem_mvci_rotations(body, body->system->next);
+    dgfem_mvci_forces(body, body->system->next, out);
     return DGFEM_OK;
 }
 
@@ -4020,7 +4172,7 @@ DGFEM_API dgfem_status dgfem_mvc_energy(const dgfem_mvc *body, dgfem_energy *out
     }
     for (int e = 0; e < body->element_count; e++) {
         dgfem_mat3 rotation = dgfem_mvci_rotation_now(body, e);
-        out->elastic += dgfem_mvci_element_force(body, e, &rotation, NULL);
+        out->elastic += dgfem_mvci_element_push(body, e, &rotation);
     }
     return DGFEM_OK;
 }
@@ -6303,8 +6455,8 @@ static dgfem_status dgfem_mvci_mesh_remove_slivers(dgfem_mvci_mesh **mesh, dgfem
     memset(&sliver, 0, sizeof sliver);
     sliver.hooks = &hooks;
     for (int e = 0; !status && e < (*mesh)->element_count; e++) {
-        known[e] = dgfem_mvci_element_quality(*mesh, e);
-        if (!all && !(*mesh)->elements[e].changed) tried[e] = 1;
+        tried[e] = !all && !(*mesh)->elements[e].changed;
+        if (!tried[e]) known[e] = dgfem_mvci_element_quality(*mesh, e);
     }
     while (!status) {
         dgfem_real worst = quality;

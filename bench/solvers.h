@@ -12,6 +12,7 @@ typedef struct solver_case {
 static const solver_case solvers[] = {
     {"auto", DGFEM_SOLVER_AUTO},
     {"stale", DGFEM_SOLVER_STALE},
+    {"sweeps", DGFEM_SOLVER_SWEEPS},
     {"cholesky", DGFEM_SOLVER_CHOLESKY},
     {"pcg", DGFEM_SOLVER_PCG},
 };

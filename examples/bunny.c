@@ -29,7 +29,7 @@ typedef struct scene {
 
 /* What the run has measured so far. */
 typedef struct statistics {
-    int steps, frames, contacts;
+    int steps, frames, contacts, iterations, factorizations;
     double assemble, contact, factor, solve, skin; /* seconds */
     double volume_start, volume_drift;             /* largest relative change */
     double kinetic_peak, kinetic_last, last_second_speed;
@@ -208,6 +208,7 @@ static int step(const options *o, scene *s, int is_last_second, statistics *st) 
     st->steps++;
     st->assemble += info.seconds_assemble, st->contact += info.seconds_contact;
     st->factor += info.seconds_factor, st->solve += info.seconds_solve;
+    st->iterations += info.iterations, st->factorizations += info.factorizations;
     st->contacts = info.contacts;
     if (dgfem_body_energy(s->body, &energy)) return 0;
     st->kinetic_last = (double)energy.kinetic;
@@ -252,6 +253,8 @@ static void print_summary(const options *o, const scene *s, const statistics *st
     printf("time per step      %.2f ms: assemble %.2f, contact %.2f, factor %.2f, solve %.2f, skin %.2f\n",
            per_step * (st->assemble + st->contact + st->factor + st->solve + st->skin), per_step * st->assemble,
            per_step * st->contact, per_step * st->factor, per_step * st->solve, per_step * st->skin);
+    printf("solver             %.1f iterations per step, %d factorizations\n", st->iterations / (double)st->steps,
+           st->factorizations);
     printf("volume             drifts by %.3f %% at most, %.3f %% at the end\n", 100 * st->volume_drift,
            100 * ((double)dgfem_body_volume(s->body) / st->volume_start - 1));
     printf("kinetic energy     peak %.4g J, at the end %.3g J (%.2g of the peak)\n", st->kinetic_peak, st->kinetic_last,

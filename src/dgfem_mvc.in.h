@@ -41,7 +41,8 @@
 
    Large rotations are dealt with by stiffness warping: a linear element in a frame that turns with it. One linear
    system is solved in each step; pattern and symbolic factorization are made once, and again in the first step after
-   cuts.
+   cuts. With parallel_for in the hooks, rotations, forces, the matrix and its factorization are computed by the
+   caller's threads, to the same bits for any number of them.
 
 
    A WHOLE PROGRAM

@@ -1,4 +1,4 @@
-/* The examples' readers of tetrahedral meshes: what TetGen and Gmsh wrote, and files that are broken. */
+/* The examples' tetrahedra: readers of what TetGen and Gmsh write, and of files that are broken; the lattice. */
 #define DGFEM_IMPLEMENTATION
 #include "dgfem.h"
 
@@ -6,6 +6,7 @@
 
 #include "formats_read.c"
 #include "formats_tetrahedra.c"
+#include "lattice.c"
 
 #include "check_files.h"
 
@@ -161,6 +162,77 @@ static void reads_gmsh(void **state) {
                MSH_4 "$Nodes\n2 4 1 9\n2 7 1 3\n9\n2\n5\n0 0 0 .5 .5\n1 0 0 0 1\n0 1 0 1 0\n3 1 0 1\n4\n0 0 1\n"
                      "$EndNodes\n$Periodic\n1\n$EndPeriodic\n$Elements\n1 1 1 1\n3 1 4 1\n17 9 2 5 4\n$EndElements\n",
                NULL, NULL, 4, 1, 4, 1.0 / 6);
+}
+
+/* ---- the lattice ---- */
+
+/* A box of 1 x 2 x 3, and another far from it, twice as small. */
+static void make_boxes(formats_surface *s, int count) {
+    static const int quads[6][4] = {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}};
+    s->vertices = (double *)calloc(2 * 24, sizeof(double));
+    s->triangles = (int *)calloc(2 * 36, sizeof(int));
+    assert_true(s->vertices && s->triangles);
+    s->vertex_count = 8 * count, s->triangle_count = 12 * count;
+    for (int v = 0; v < 8 * count; v++)
+        for (int k = 0; k < 3; k++)
+            s->vertices[3 * v + k] = (v >> k & 1) * (k + 1.0) / (1 + v / 8) + (v / 8 && k == 0 ? 2 : 0);
+    for (int t = 0; t < 12 * count; t++)
+        for (int k = 0; k < 3; k++)
+            s->triangles[3 * t + k] = quads[t % 12 / 2][k ? k + t % 2 : 0] + t / 12 * 8;
+}
+
+/* How far a point is from the surface of the first box. */
+static double off_box(const double *x) {
+    double inside = INFINITY, outside = 0;
+    for (int k = 0; k < 3; k++) {
+        double low = x[k], high = k + 1.0 - x[k];
+        inside = fmin(inside, fmin(low, high));
+        outside = fmax(outside, fmax(-low, -high));
+    }
+    return outside > 0 ? outside : inside;
+}
+
+/* Sound tetrahedra that end on the surface, more exactly the finer they are; of two parts the larger. */
+static void fills_boxes(void **state) {
+    double missing[2];
+    (void)state;
+    for (int fine = 0; fine < 2; fine++)
+        for (int count = 1; count <= 2; count++) {
+            formats_surface surface;
+            formats_tetrahedra m;
+            dgfem_mesh *mesh;
+            double volume = 0;
+            make_boxes(&surface, count);
+            assert_true(lattice_fill(&surface, fine ? 14 : 7, &m));
+            check_sound(&m);
+            check_status(formats_tetrahedra_mesh(&m, NULL, &mesh), DGFEM_OK);
+            check_status(dgfem_mesh_check(mesh), DGFEM_OK);
+            for (int e = 0; e < mesh->element_count; e++) volume += (double)mesh->elements[e].volume;
+            for (int f = 0; f < mesh->face_count; f++) {
+                if (mesh->faces[f].element[1] != DGFEM_NONE) continue;
+                const dgfem_loop *loop = &mesh->loops[mesh->faces[f].loop_start];
+                for (int i = 0; i < loop->count; i++)
+                    check_near(off_box(m.vertices + 3 * mesh->loop_vertices[loop->start + i]), 0, 1e-9);
+            }
+            missing[fine] = 6 - volume;
+            dgfem_mesh_destroy(mesh);
+            formats_free_tetrahedra(&m);
+            formats_free_surface(&surface);
+        }
+    print_message("volume missing of 6: %.3g, %.3g\n", missing[0], missing[1]);
+    assert_true(missing[0] > 0 && missing[0] < 0.5 && missing[1] > 0 && missing[1] < missing[0] / 1.5);
+}
+
+/* Nothing inside: a flat surface has no tetrahedra. */
+static void fills_nothing(void **state) {
+    formats_surface surface;
+    formats_tetrahedra m;
+    (void)state;
+    make_boxes(&surface, 1);
+    for (int v = 0; v < 8; v++) surface.vertices[3 * v + 2] = 0;
+    assert_false(lattice_fill(&surface, 5, &m));
+    assert_null(m.vertices);
+    formats_free_surface(&surface);
 }
 
 /* ---- bad files ---- */
@@ -320,6 +392,7 @@ int main(void) {
         cmocka_unit_test(reads_gmsh),          cmocka_unit_test(refuses_bad_tetgen),
         cmocka_unit_test(refuses_bad_gmsh),    cmocka_unit_test(leaves_geometry_to_the_library),
         cmocka_unit_test(survives_truncation), cmocka_unit_test(survives_fuzzing),
+        cmocka_unit_test(fills_boxes),         cmocka_unit_test(fills_nothing),
     };
     return cmocka_run_group_tests(tests, make_folder, remove_folder);
 }

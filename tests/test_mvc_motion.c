@@ -2,6 +2,7 @@
 #define DGFEM_IMPLEMENTATION
 #include "dgfem_mvc.h"
 #include "check_mvc.h"
+#include "check_threads.h"
 
 static const double pi = 3.14159265358979323846;
 
@@ -572,9 +573,69 @@ static void test_body_allocation_failures(void **state) {
     host.calls = 0; /* a step takes no memory */
     for (int n = 0; n < 5; n++) check_status(dgfem_mvc_step(body, (dgfem_real)0.01, NULL), DGFEM_OK);
     assert_int_equal(host.calls, 0);
+    /* the first one after cuts does, once for all of them: without it nothing moves */
+    for (int cut = 0; cut < 2; cut++)
+        check_status(dgfem_mvc_cut_plane(body, plane_at(0, cut, !cut, 0.45), NULL, NULL), DGFEM_OK);
+    for (long fail = 1;; fail++) {
+        dgfem_vec3 first = body->position[7];
+        double time = body->time;
+        host.calls = 0, host.fail_from = fail, host.log_count = 0;
+        dgfem_status status = dgfem_mvc_step(body, (dgfem_real)0.01, NULL);
+        host.fail_from = 0;
+        if (!status) break;
+        assert_in_range(fail, 1, 1000);
+        check_status(status, DGFEM_ERROR_MEMORY);
+        check_logged(&host, "out of memory");
+        check_near3(body->position[7], first, 0);
+        check_near(body->time, time, 0);
+    }
+    host.calls = 0;
+    check_status(dgfem_mvc_step(body, (dgfem_real)0.01, NULL), DGFEM_OK);
+    assert_int_equal(host.calls, 0);
     free(nodes);
     dgfem_mvc_destroy(body);
     assert_int_equal(host.live, 0);
+}
+
+/* Falling, cut, falling on, solved: the same bits for any number of threads. */
+static void test_threads(void **state) {
+    (void)state;
+    enum { RUNS = 4 };
+    static const int threads[RUNS] = {0, 1, 3, 7};
+    dgfem_vec3 *expected = NULL;
+    int expected_count = 0;
+    for (int run = 0; run < RUNS; run++) {
+        check_workers workers = {threads[run], 0};
+        dgfem_mvc_desc desc = mvc_desc();
+        dgfem_shape_desc ground = dgfem_default_shape_desc();
+        ground.plane = plane_at(0, 0, 1, -0.01);
+        if (threads[run]) desc.hooks.parallel_for = check_parallel_for, desc.hooks.parallel_for_user = &workers;
+        dgfem_mvc *body = mvc_of(&desc, mvc_mesh(MVC_PLANES, 4, 3));
+        check_status(dgfem_mvc_add_plane(body, &ground, NULL), DGFEM_OK);
+        check_status(dgfem_mvc_set_gravity(body, vec3(3, 1, -9)), DGFEM_OK);
+        for (int step = 0; step < 8; step++) {
+            if (step == 4)
+                check_status(dgfem_mvc_cut_plane(body, plane_at(0.6, 0, 0.8, 0.65), NULL, NULL), DGFEM_OK);
+            check_status(dgfem_mvc_step(body, (dgfem_real)0.01, NULL), DGFEM_OK);
+        }
+        dgfem_vec3 *force = (dgfem_vec3 *)malloc((size_t)body->node_count * sizeof *force);
+        assert_non_null(force);
+        check_status(dgfem_mvc_internal_force(body, force), DGFEM_OK);
+        if (!expected) {
+            expected_count = body->node_count;
+            expected = (dgfem_vec3 *)malloc(2 * (size_t)expected_count * sizeof *expected);
+            assert_non_null(expected);
+            memcpy(expected, body->position, (size_t)expected_count * sizeof *expected);
+            memcpy(expected + expected_count, force, (size_t)expected_count * sizeof *expected);
+        }
+        assert_int_equal(body->node_count, expected_count);
+        assert_memory_equal(body->position, expected, (size_t)expected_count * sizeof *expected);
+        assert_memory_equal(force, expected + expected_count, (size_t)expected_count * sizeof *expected);
+        if (threads[run]) assert_true(workers.loops >= 8 * 4);
+        free(force);
+        dgfem_mvc_destroy(body);
+    }
+    free(expected);
 }
 
 /* One wrong member at a time. */
@@ -759,6 +820,7 @@ int main(void) {
         cmocka_unit_test(test_shapes),
         cmocka_unit_test(test_allocation_failures),
         cmocka_unit_test(test_body_allocation_failures),
+        cmocka_unit_test(test_threads),
         cmocka_unit_test(test_bad_descriptors),
         cmocka_unit_test(test_bad_calls),
         cmocka_unit_test(test_failing_solves),

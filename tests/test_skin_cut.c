@@ -858,6 +858,35 @@ static void test_walls_bend(void **state) {
     }
 }
 
+/* The same skin with vertices of its own for each triangle. */
+static dgfem_skin *soup_of(const dgfem_body *body, const shape *s) {
+    dgfem_skin_desc desc = dgfem_default_skin_desc();
+    int *triangles = triangles_of(s, &desc.triangle_count), count = 3 * desc.triangle_count;
+    dgfem_vec3 *vertices = (dgfem_vec3 *)malloc((size_t)count * sizeof *vertices);
+    dgfem_skin *skin;
+    for (int i = 0; i < count; i++) vertices[i] = s->vertices[triangles[i]], triangles[i] = i;
+    desc.vertices = dgfem_points_in_vec3(vertices, count), desc.triangles = triangles;
+    check_status(dgfem_skin_create(body, &desc, &skin), DGFEM_OK);
+    free(vertices);
+    free(triangles);
+    return skin;
+}
+
+/* A weld is named by its lowest vertex; its vertices are in one place and in one piece of the body. Returns the number
+   of welds. */
+static int check_welds(const dgfem_skin *skin, const int *piece_of) {
+    const dgfem_embedding *e = skin->embedding;
+    int count = 0;
+    for (int v = 0; v < skin->vertex_count; v++) {
+        int weld = skin->weld[v];
+        assert_true(weld <= v && skin->weld[weld] == weld);
+        assert_true(dgfemi_same_position(e->points[v], e->points[weld]));
+        assert_int_equal(piece_of[e->point_element[v]], piece_of[e->point_element[weld]]);
+        count += weld == v;
+    }
+    return count;
+}
+
 /* A knife that goes down through a falling body in steps, three times: the body moves between the parts of a stroke, so
    that their slits do not quite meet. Still no triangle may hang between elements of different pieces, and the skin does
    not grow out of bounds. */
@@ -867,15 +896,15 @@ static void test_strokes_in_motion(void **state) {
     dgfem_body_desc body_desc = dgfem_default_body_desc();
     dgfem_body *body;
     dgfem_cut_desc desc = dgfem_default_cut_desc();
-    dgfem_skin *skin;
+    dgfem_skin *skins[2], *skin;
     int *piece_of, count, before;
     (void)state;
     body_desc.mesh = mesh, body_desc.material.young = 10000;
     check_status(dgfem_body_create(&body_desc, &body), DGFEM_OK);
     make_ball(&s0, 16, 24);
-    skin = skin_of(body, &s0, NULL);
+    skin = skins[0] = skin_of(body, &s0, NULL), skins[1] = soup_of(body, &s0);
     before = skin->vertex_count;
-    desc.skins = &skin, desc.skin_count = 1, desc.smallest = (dgfem_real)0.05;
+    desc.skins = skins, desc.skin_count = 2, desc.smallest = (dgfem_real)0.05;
     for (int stroke = 0; stroke < 3; stroke++) {
         double a = 0.9 * stroke + 0.2, off = 0.15 * stroke - 0.3;
         for (int part = 0; part < 5; part++) {
@@ -888,7 +917,7 @@ static void test_strokes_in_motion(void **state) {
             check_status(dgfem_body_cut_surface(body, dgfem_points_in_double(corners, 4), triangles, 2, &desc, NULL),
                          DGFEM_OK);
             check_status(dgfem_body_step(body, (dgfem_real)0.03, NULL), DGFEM_OK);
-            check_status(dgfem_skin_update(skin, body), DGFEM_OK);
+            for (int k = 0; k < 2; k++) check_status(dgfem_skin_update(skins[k], body), DGFEM_OK);
         }
     }
     piece_of = (int *)malloc(sizeof(int) * (size_t)body->mesh->element_count);
@@ -897,10 +926,11 @@ static void test_strokes_in_motion(void **state) {
     for (int i = 0; i < 3 * skin->triangle_count; i++)
         assert_int_equal(piece_of[skin->embedding->point_element[skin->triangles[i]]],
                          piece_of[skin->embedding->point_element[skin->triangles[i - i % 3]]]);
-    print_message("%d vertices of %d, %d pieces\n", skin->vertex_count, before, count);
+    print_message("%d vertices of %d, %d pieces, %d and %d welds\n", skin->vertex_count, before, count,
+                  check_welds(skins[0], piece_of), check_welds(skins[1], piece_of));
     assert_true(skin->vertex_count < 20 * before);
     free(piece_of);
-    dgfem_skin_destroy(skin);
+    for (int k = 0; k < 2; k++) dgfem_skin_destroy(skins[k]);
     dgfem_body_destroy(body);
 }
 

@@ -26,8 +26,18 @@ static int centre_index(const lattice *l, int i, int j, int k) {
 
 /* ---- inside and outside ---- */
 
-static double turn2(const double *a, const double *b, double x, double y) {
-    return (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]);
+/* Twice the area of the triangle of a, b and p, seen from above; the same number, negated, for b and a. */
+static double turn2(const double *a, const double *b, const double *p) {
+    if (b[0] < a[0] || (b[0] == a[0] && b[1] < a[1])) return -turn2(b, a, p);
+    return (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
+}
+
+/* Whether p is left of the edge from a to b, as if it were displaced by (-e^2, e) with an infinitely small e: so a ray
+   through an edge of two triangles meets one of them. */
+static int is_left(const double *a, const double *b, const double *p) {
+    int is_reversed = b[0] < a[0] || (b[0] == a[0] && b[1] < a[1]);
+    double turn = turn2(a, b, p);
+    return turn > 0 || (turn == 0 && !is_reversed);
 }
 
 /* Number of times that a ray upwards from a point crosses the surface, modulo 2. */
@@ -36,9 +46,10 @@ static int is_inside(const formats_surface *s, const double *p) {
     for (int t = 0; t < s->triangle_count; t++) {
         const double *a = s->vertices + 3 * s->triangles[3 * t], *b = s->vertices + 3 * s->triangles[3 * t + 1],
                      *c = s->vertices + 3 * s->triangles[3 * t + 2];
-        double u = turn2(b, c, p[0], p[1]), v = turn2(c, a, p[0], p[1]), w = turn2(a, b, p[0], p[1]);
-        if (!((u >= 0 && v >= 0 && w >= 0) || (u <= 0 && v <= 0 && w <= 0)) || u + v + w == 0) continue;
-        crossings += (u * a[2] + v * b[2] + w * c[2]) / (u + v + w) > p[2];
+        int left = is_left(a, b, p);
+        if (is_left(b, c, p) != left || is_left(c, a, p) != left) continue;
+        double u = turn2(b, c, p), v = turn2(c, a, p), w = turn2(a, b, p);
+        if (u + v + w != 0) crossings += (u * a[2] + v * b[2] + w * c[2]) / (u + v + w) > p[2];
     }
     return crossings & 1;
 }
@@ -76,8 +87,7 @@ static int place_nodes(lattice *l, int cells) {
     for (int k = 0; k < 3; k++) {
         double middle = (upper[k] + l->lower[k]) / 2;
         l->n[k] = (int)ceil((upper[k] - l->lower[k]) / l->size - 1e-9) + 2;
-        /* a little off the middle: rays along lines of symmetry meet the edges of triangles */
-        l->lower[k] = middle - (l->n[k] / 2.0 + 0.0137 * (k + 1)) * l->size;
+        l->lower[k] = middle - (l->n[k] / 2.0 + 0.0137 * (k + 1)) * l->size; /* off planes of symmetry */
     }
     l->corners = (l->n[0] + 1) * (l->n[1] + 1) * (l->n[2] + 1);
     l->nodes = l->corners + l->n[0] * l->n[1] * l->n[2];

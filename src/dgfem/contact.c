@@ -33,6 +33,7 @@ struct dgfem_contacts {
     int element_count;
     dgfem_real *share; /* [elements] s_e of element[i] */
     char *mark;        /* [elements] 1 for the elements of the row */
+    char *touched;     /* [elements] 1 for those whose blocks the last assembly has added to */
     dgfem_hooks hooks;
 };
 
@@ -146,8 +147,9 @@ static int dgfemi_contacts_reserve(dgfem_contacts *contacts, const dgfem_body *b
     contacts->element = (int *)dgfemi_allocate(hooks, elements, sizeof(int));
     contacts->share = (dgfem_real *)dgfemi_allocate(hooks, elements, sizeof(dgfem_real));
     contacts->mark = (char *)dgfemi_allocate_zero(hooks, elements, 1);
+    contacts->touched = (char *)dgfemi_allocate_zero(hooks, elements, 1);
     return contacts->sample_value && contacts->displacement && contacts->velocity && contacts->row &&
-           contacts->element && contacts->share && contacts->mark;
+           contacts->element && contacts->share && contacts->mark && contacts->touched;
 }
 
 static void dgfemi_contacts_destroy(dgfem_contacts *contacts) {
@@ -161,6 +163,7 @@ static void dgfemi_contacts_destroy(dgfem_contacts *contacts) {
     dgfemi_free(&hooks, contacts->velocity);
     dgfemi_free(&hooks, contacts->row);
     dgfemi_free(&hooks, contacts->element);
+    dgfemi_free(&hooks, contacts->touched);
     dgfemi_free(&hooks, contacts->share);
     dgfemi_free(&hooks, contacts->mark);
     dgfemi_free(&hooks, contacts);
@@ -340,6 +343,7 @@ static void dgfemi_contacts_add_row(const dgfem_contacts *contacts, const dgfem_
         if (!(contacts->share[i] > 0)) continue;
         for (int j = 0; j < n; j++) rhs[start + j] = dgfemi_add_scaled(rhs[start + j], a[j], g);
         dgfemi_add_kronecker(dgfem_matrix_block(matrix, e, e), a, n, 1 / contacts->share[i], b);
+        contacts->touched[e] = 1;
     }
 }
 
@@ -402,6 +406,7 @@ static int dgfemi_contacts_assemble(dgfem_contacts *contacts, const dgfem_body *
                                     dgfem_matrix *matrix, dgfem_vec3 *b) {
     const dgfem_embedding *embedding = contacts->embedding;
     int active = 0;
+    memset(contacts->touched, 0, (size_t)body->mesh->element_count);
     dgfemi_embedding_samples(embedding, body, body->displacement, contacts->sample_value);
     dgfemi_embedding_points(embedding, contacts->sample_value, contacts->displacement);
     dgfemi_embedding_samples(embedding, body, body->velocity, contacts->sample_value);

@@ -64,17 +64,24 @@ static void dgfemi_invert_from_cholesky(dgfem_real *a, int size) {
         }
 }
 
+/* 0 when the block is not positive definite. */
+static int dgfemi_invert_diagonal_block(const dgfem_matrix *matrix, int r, dgfem_real *inverse) {
+    int n = dgfemi_block_size(matrix, r);
+    size_t count = (size_t)n * (size_t)n, from = matrix->value_start[dgfemi_diagonal_index(matrix, r)];
+    memcpy(inverse, matrix->values + from, count * sizeof *inverse);
+    if (!dgfemi_cholesky_dense(inverse, n)) return 0;
+    dgfemi_invert_from_cholesky(inverse, n);
+    return 1;
+}
+
 /* Inverts all diagonal blocks into `inverse`, one behind the other. Returns a block that is not positive definite, or
    DGFEM_NONE. */
 static int dgfemi_invert_diagonal(const dgfem_matrix *matrix, dgfem_real *inverse) {
     int r;
     for (r = 0; r < matrix->block_count; r++) {
         int n = dgfemi_block_size(matrix, r);
-        size_t count = (size_t)n * (size_t)n, from = matrix->value_start[dgfemi_diagonal_index(matrix, r)];
-        memcpy(inverse, matrix->values + from, count * sizeof *inverse);
-        if (!dgfemi_cholesky_dense(inverse, n)) return r;
-        dgfemi_invert_from_cholesky(inverse, n);
-        inverse += count;
+        if (!dgfemi_invert_diagonal_block(matrix, r, inverse)) return r;
+        inverse += n * n;
     }
     return DGFEM_NONE;
 }

@@ -244,7 +244,7 @@ static void dgfemi_skin_place(dgfemi_skin_cutter *c, dgfemi_blade_sides *sides, 
 
 /* A corner that is to be carried by another element. */
 typedef struct dgfemi_skin_tear {
-    int corner, vertex, copy; /* place in the triangles; the vertex there; what it becomes */
+    int corner, vertex, weld, copy; /* place in the triangles; the vertex there and its weld; what it becomes */
     dgfemi_location location;
 } dgfemi_skin_tear;
 
@@ -349,6 +349,7 @@ static int dgfemi_skin_find_tears(dgfemi_skin_tearer *t, int first) {
         t->tears = (dgfemi_skin_tear *)grown;
         tear = &t->tears[t->tear_count++];
         tear->corner = first + k, tear->vertex = corner[k], tear->copy = DGFEM_NONE;
+        tear->weld = t->cutter->vertices[corner[k]].weld;
         tear->location = dgfemi_locate_in(t->locator->mesh, t->queue[0], rest);
         for (int i = 1; i < count; i++) {
             dgfemi_location location = dgfemi_locate_in(t->locator->mesh, t->queue[i], rest);
@@ -360,8 +361,9 @@ static int dgfemi_skin_find_tears(dgfemi_skin_tearer *t, int first) {
 
 static int dgfemi_compare_tears(const void *a, const void *b) {
     const dgfemi_skin_tear *s = (const dgfemi_skin_tear *)a, *t = (const dgfemi_skin_tear *)b;
-    if (s->vertex != t->vertex) return s->vertex < t->vertex ? -1 : 1;
+    if (s->weld != t->weld) return s->weld < t->weld ? -1 : 1;
     if (s->location.element != t->location.element) return s->location.element < t->location.element ? -1 : 1;
+    if (s->vertex != t->vertex) return s->vertex < t->vertex ? -1 : 1;
     return s->corner < t->corner ? -1 : s->corner > t->corner;
 }
 
@@ -380,6 +382,30 @@ static int dgfemi_skin_copy_torn(dgfemi_skin_tearer *t, const int *used) {
             copy = dgfemi_skin_add_vertex(c, v.rest, v.anchor, v.world, vertex, vertex, 0, v.side, v.element);
         if (copy == DGFEM_NONE) return 0;
         for (int k = i; k < end; k++) t->tears[k].copy = copy;
+    }
+    return 1;
+}
+
+/* Vertices of one weld that go to one element stay one weld, without those that stay behind. 1 on success. */
+static int dgfemi_skin_weld_torn(dgfemi_skin_tearer *t, dgfemi_arena *arena) {
+    dgfemi_skin_vertex *vertices = t->cutter->vertices;
+    int count = t->cutter->vertex_count, *first = (int *)dgfemi_arena_allocate(arena, (size_t)count, sizeof(int));
+    char *goes = (char *)dgfemi_arena_allocate_zero(arena, (size_t)count, 1);
+    if (!first || !goes) return 0;
+    for (int v = 0; v < count; v++) first[v] = DGFEM_NONE;
+    for (int i = 0; i < t->tear_count; i++) goes[t->tears[i].copy] = 1;
+    for (int v = 0; v < count; v++) {
+        if (goes[v]) continue;
+        if (first[vertices[v].weld] == DGFEM_NONE) first[vertices[v].weld] = v;
+        vertices[v].weld = first[vertices[v].weld];
+    }
+    for (int i = 0, end; i < t->tear_count; i = end) {
+        int lowest = t->tears[i].copy;
+        for (end = i; end < t->tear_count && t->tears[end].weld == t->tears[i].weld &&
+                      t->tears[end].location.element == t->tears[i].location.element;
+             end++)
+            if (t->tears[end].copy < lowest) lowest = t->tears[end].copy;
+        for (int k = i; k < end; k++) vertices[t->tears[k].copy].weld = lowest;
     }
     return 1;
 }
@@ -429,7 +455,8 @@ static int dgfemi_skin_tear_triangles(dgfemi_arena *arena, dgfemi_skin_cutter *c
         if (!(t.at_cut[a] || t.at_cut[b] || t.at_cut[d]) || dgfemi_skin_hang_together(mesh, a, b, d)) continue;
         ok = dgfemi_skin_find_tears(&t, i);
     }
-    ok = ok && dgfemi_skin_copy_torn(&t, used) && (t.tear_count == 0 || dgfemi_skin_apply_tears(&t, arena, count));
+    ok = ok && dgfemi_skin_copy_torn(&t, used);
+    if (ok && t.tear_count > 0) ok = dgfemi_skin_weld_torn(&t, arena) && dgfemi_skin_apply_tears(&t, arena, count);
     dgfemi_free(c->hooks, t.tears);
     return ok;
 }

@@ -1,5 +1,6 @@
 #pragma once
 #include "cholesky.c"
+#include "contact.c"
 #include "ssor.c"
 #include "warp.c"
 /* The linear system of a time step, solved for the velocities by conjugate gradients.
@@ -10,7 +11,8 @@
        P = T A0 T^T,   P^-1 r = T (A0^-1 (T^T r)),
 
    and conjugate gradients preconditioned by P need one to three iterations, until neighbours have turned much against
-   each other or contact has changed much. As long as there is no factorization, as after a cut, Gauss-Seidel sweeps are
+   each other. Contact is stiff and changes from step to step, but only in diagonal blocks of the elements that touch:
+   these are swept over before and after (a symmetric multiplicative Schwarz method). As long as there is no factorization, as after a cut, Gauss-Seidel sweeps are
    the preconditioner (ssor.c): they need ten times the iterations, but nothing is to be made for them.
 
    The iteration starts from the velocity of now, moved along its change in the last step so far as lowers the error's
@@ -31,8 +33,13 @@ struct dgfem_step_solver {
     double rent;            /* paid since the last factorization or since it was given up */
     double price;           /* in factorizations: 1, or more where they have not lasted */
     int age;                /* steps since the factorization */
+    int without_sweeps;     /* steps to come without: they had cost more than a factorization in one step */
     dgfem_mat3 *rotation;   /* [elements] at the factorization */
     dgfem_mat3 *turn;       /* [elements] from then to now */
+    char *touched;          /* [elements] 1 for those that touched something at the factorization */
+    char *in_patch;         /* [elements] 1 for those that touched something then or touch something now, */
+    int *patch;             /* [elements] and their list, ascending */
+    int patch_count;
     dgfem_vec3 *change;     /* [basis functions] of the velocity in the last step; zero at first */
     dgfem_real *vectors;    /* [DGFEMI_STEP_VECTORS * unknowns] */
     dgfem_real *inverse;    /* of the diagonal blocks */
@@ -56,9 +63,13 @@ enum {
 
 /* Dense kernels of a factorization are so much faster than solves, which wait for memory. */
 #define DGFEM_FACTOR_SPEED 8.
+/* What sweeps leave of the error is smooth, and adds up from step to step more than what a factorization leaves: they
+   iterate to such a part of the tolerance. */
+#define DGFEM_SWEEP_CARE 3.
 /* A factorization that lasted for fewer steps was not worth its price. */
 #define DGFEM_SHORT_LIFE 4
 #define DGFEM_HIGHEST_PRICE 64.
+#define DGFEM_STEPS_WITHOUT_SWEEPS 32
 /* A factorization that costs no more than so many iterations with sweeps is made at once. */
 #define DGFEM_FEW_SWEEPS 12.
 
@@ -68,6 +79,9 @@ static void dgfemi_step_solver_destroy(dgfem_step_solver *solver, const dgfem_ho
     if (!solver) return;
     dgfemi_free(hooks, solver->rotation);
     dgfemi_free(hooks, solver->turn);
+    dgfemi_free(hooks, solver->touched);
+    dgfemi_free(hooks, solver->in_patch);
+    dgfemi_free(hooks, solver->patch);
     dgfemi_free(hooks, solver->change);
     dgfemi_free(hooks, solver->vectors);
     dgfemi_free(hooks, solver->inverse);
@@ -103,10 +117,14 @@ static dgfem_step_solver *dgfemi_step_solver_create(const dgfem_mesh *mesh, cons
     if (!solver) return NULL;
     solver->rotation = (dgfem_mat3 *)dgfemi_allocate(hooks, elements, sizeof(dgfem_mat3));
     solver->turn = (dgfem_mat3 *)dgfemi_allocate(hooks, elements, sizeof(dgfem_mat3));
+    solver->touched = (char *)dgfemi_allocate_zero(hooks, elements, 1);
+    solver->in_patch = (char *)dgfemi_allocate_zero(hooks, elements, 1);
+    solver->patch = (int *)dgfemi_allocate(hooks, elements, sizeof(int));
     solver->change = (dgfem_vec3 *)dgfemi_allocate_zero(hooks, size / 3, sizeof(dgfem_vec3));
     solver->vectors = (dgfem_real *)dgfemi_allocate(hooks, DGFEMI_STEP_VECTORS * size, sizeof(dgfem_real));
     solver->inverse = (dgfem_real *)dgfemi_allocate(hooks, dgfemi_diagonal_size(matrix), sizeof(dgfem_real));
-    if (!solver->rotation || !solver->turn || !solver->change || !solver->vectors || !solver->inverse ||
+    if (!solver->rotation || !solver->turn || !solver->touched || !solver->in_patch ||
+        !solver->patch || !solver->change || !solver->vectors || !solver->inverse ||
         !dgfemi_step_solver_find_pieces(solver, mesh, hooks)) {
         dgfemi_step_solver_destroy(solver, hooks);
         return NULL;
@@ -191,12 +209,99 @@ static dgfem_real *dgfemi_step_vector(const dgfem_body *body, int k) {
     return body->step_solver->vectors + (size_t)k * (size_t)body->matrix->size;
 }
 
-static void dgfemi_apply_factor(void *context, const dgfem_real *r, dgfem_real *z) {
-    const dgfem_body *body = (const dgfem_body *)context;
+/* z += P^-1 r */
+static void dgfemi_add_turned_solution(const dgfem_body *body, const dgfem_real *r, dgfem_real *z) {
     dgfem_real *turned = dgfemi_step_vector(body, DGFEMI_STEP_TURNED);
     dgfemi_turn_elements(body, 1, r, turned);
     dgfemi_solve(body->cholesky, 1, turned, turned);
-    dgfemi_turn_elements(body, 0, turned, z);
+    dgfemi_turn_elements(body, 0, turned, turned);
+    dgfemi_vector_add(body->matrix->size, 1, turned, z);
+}
+
+/* out = r - A z */
+static void dgfemi_residual_of(const dgfem_matrix *matrix, const dgfem_real *r, const dgfem_real *z, dgfem_real *out) {
+    dgfem_matrix_multiply(matrix, z, out);
+    for (int i = 0; i < matrix->size; i++) out[i] = r[i] - out[i];
+}
+
+/* The elements that contact makes or made stiffer than the turned factorization has them, and the inverses of their
+   blocks. 0 when one is not positive definite. */
+static int dgfemi_find_patch(const dgfem_body *body) {
+    const dgfem_matrix *matrix = body->matrix;
+    dgfem_step_solver *solver = body->step_solver;
+    dgfem_real *inverse = solver->inverse;
+    solver->patch_count = 0;
+    for (int e = 0; e < matrix->block_count; e++) {
+        int n = dgfemi_block_size(matrix, e);
+        solver->in_patch[e] = solver->touched[e] || (body->shape_count && body->contacts->touched[e]);
+        if (!solver->in_patch[e]) continue;
+        solver->patch[solver->patch_count++] = e;
+        if (!dgfemi_invert_diagonal_block(matrix, e, inverse)) return 0;
+        inverse += n * n;
+    }
+    return 1;
+}
+
+/* z_e = D_e^-1 (r_e - sum of A_ec z_c over elements c < e of the patch), for the patch's e, ascending */
+static void dgfemi_sweep_up(const dgfem_body *body, const dgfem_real *r, dgfem_real *z) {
+    const dgfem_matrix *matrix = body->matrix;
+    const dgfem_step_solver *solver = body->step_solver;
+    const dgfem_real *inverse = solver->inverse;
+    dgfem_real own[DGFEM_MAX_BLOCK];
+    for (int i = 0; i < solver->patch_count; i++) {
+        int e = solver->patch[i], n = dgfemi_block_size(matrix, e), first = matrix->offset[e];
+        memset(own, 0, (size_t)n * sizeof *own);
+        for (int k = matrix->row_start[e]; k < dgfemi_diagonal_index(matrix, e); k++) {
+            int c = matrix->column[k];
+            if (solver->in_patch[c])
+                dgfemi_block_multiply(matrix->values + matrix->value_start[k], n, dgfemi_block_size(matrix, c),
+                                      z + matrix->offset[c], own);
+        }
+        for (int j = 0; j < n; j++) own[j] = r[first + j] - own[j], z[first + j] = 0;
+        dgfemi_block_multiply_transposed(inverse, n, n, own, z + first);
+        inverse += n * n;
+    }
+}
+
+/* z_e += D_e^-1 (r_e - sum of A_ec d_c over elements c > e of the patch), d_c what was added there, descending. r is used
+   up. */
+static void dgfemi_sweep_down(const dgfem_body *body, dgfem_real *r, dgfem_real *z) {
+    const dgfem_matrix *matrix = body->matrix;
+    const dgfem_step_solver *solver = body->step_solver;
+    const dgfem_real *inverse = solver->inverse;
+    dgfem_real added[DGFEM_MAX_BLOCK];
+    for (int i = 0; i < solver->patch_count; i++) {
+        int n = dgfemi_block_size(matrix, solver->patch[i]);
+        inverse += n * n;
+    }
+    for (int i = solver->patch_count - 1; i >= 0; i--) {
+        int e = solver->patch[i], n = dgfemi_block_size(matrix, e), first = matrix->offset[e];
+        inverse -= n * n;
+        memset(added, 0, (size_t)n * sizeof *added);
+        dgfemi_block_multiply_transposed(inverse, n, n, r + first, added);
+        for (int j = 0; j < n; j++) z[first + j] += added[j], added[j] = -added[j];
+        for (int k = matrix->row_start[e]; k < dgfemi_diagonal_index(matrix, e); k++) {
+            int c = matrix->column[k];
+            if (solver->in_patch[c])
+                dgfemi_block_multiply_transposed(matrix->values + matrix->value_start[k], n,
+                                                 dgfemi_block_size(matrix, c), added, r + matrix->offset[c]);
+        }
+    }
+}
+
+static void dgfemi_apply_factor(void *context, const dgfem_real *r, dgfem_real *z) {
+    const dgfem_body *body = (const dgfem_body *)context;
+    dgfem_real *rest = dgfemi_step_vector(body, DGFEMI_STEP_Q);
+    memset(z, 0, (size_t)body->matrix->size * sizeof *z);
+    if (body->step_solver->patch_count == 0) {
+        dgfemi_add_turned_solution(body, r, z);
+        return;
+    }
+    dgfemi_sweep_up(body, r, z);
+    dgfemi_residual_of(body->matrix, r, z, rest);
+    dgfemi_add_turned_solution(body, rest, z);
+    dgfemi_residual_of(body->matrix, r, z, rest);
+    dgfemi_sweep_down(body, rest, z);
 }
 
 static void dgfemi_find_turns(const dgfem_body *body, const dgfem_mat3 *rotation) {
@@ -347,6 +452,8 @@ static dgfem_status dgfemi_factor_step(dgfem_body *body, const dgfem_mat3 *rotat
     info->factorizations++;
     if (status) return status;
     memcpy(solver->rotation, rotation, (size_t)body->mesh->element_count * sizeof *rotation);
+    for (int e = 0; e < body->mesh->element_count; e++)
+        solver->touched[e] = body->shape_count && body->contacts->touched[e];
     solver->is_factored = 1;
     solver->rent = 0;
     solver->age = 0;
@@ -379,7 +486,8 @@ static int dgfemi_iterate_stale(dgfem_body *body, dgfemi_pcg *cg, const dgfem_ma
     solver->age++;
     if (solver->rent < solver->factor_work) {
         dgfemi_find_turns(body, rotation);
-        if (dgfemi_iterate_with_factor(body, cg, target, limit + 1, iterations, error)) {
+        if (dgfemi_find_patch(body) &&
+            dgfemi_iterate_with_factor(body, cg, target, limit + 1, iterations, error)) {
             solver->rent += (*iterations - before - 1) * solver->solve_work;
             return 1;
         }
@@ -396,15 +504,19 @@ static int dgfemi_iterate_stale(dgfem_body *body, dgfemi_pcg *cg, const dgfem_ma
 static int dgfemi_iterate_step(dgfem_body *body, dgfemi_pcg *cg, const dgfem_mat3 *rotation, double target,
                                int *iterations, double *error) {
     dgfem_step_solver *solver = body->step_solver;
-    int limit = body->desc.solver_iterations, before;
+    int limit = body->desc.solver_iterations, most = limit, before;
     if (body->desc.solver != DGFEM_SOLVER_SWEEPS) {
+        if (solver->without_sweeps > 0) solver->without_sweeps--;
         if (dgfemi_iterate_stale(body, cg, rotation, target, iterations, error)) return 1;
+        most = dgfemi_affordable(solver->factor_work, 0, solver->sweep_work);
         limit = dgfemi_affordable(solver->price * solver->factor_work, solver->rent, solver->sweep_work);
-        if (body->desc.solver == DGFEM_SOLVER_STALE || limit < DGFEM_FEW_SWEEPS) return 0;
+        if (limit > most) limit = most;
+        if (body->desc.solver == DGFEM_SOLVER_STALE || solver->without_sweeps > 0 || limit < DGFEM_FEW_SWEEPS) return 0;
     }
     before = *iterations;
-    int good = dgfemi_iterate_with_sweeps(body, cg, target, limit, iterations, error);
+    int good = dgfemi_iterate_with_sweeps(body, cg, target / DGFEM_SWEEP_CARE, limit, iterations, error);
     solver->rent += (*iterations - before) * solver->sweep_work;
+    if (!good && limit == most) solver->without_sweeps = DGFEM_STEPS_WITHOUT_SWEEPS;
     return good;
 }
 
@@ -432,6 +544,7 @@ static dgfem_status dgfemi_solve_step(dgfem_body *body, dgfem_real h, const dgfe
         status = dgfemi_factor_step(body, rotation, info);
         if (status) return status;
         dgfemi_find_turns(body, rotation);
+        body->step_solver->patch_count = 0; /* the factorization is of this very matrix */
         dgfemi_start_step(body, &cg);
         (void)dgfemi_iterate_with_factor(body, &cg, target, 1, &info->iterations, &error);
     }

@@ -181,11 +181,8 @@ DGFEM_API dgfem_status dgfem_mvc_stress(const dgfem_mvc *body, int element, dgfe
 
 DGFEM_API dgfem_status dgfem_mvc_internal_force(const dgfem_mvc *body, dgfem_vec3 *out) {
     if (!body || !out) return DGFEM_ERROR_ARGUMENT;
-    memset(out, 0, (size_t)body->node_count * sizeof *out);
-    for (int e = 0; e < body->element_count; e++) {
-        dgfem_mat3 rotation = dgfem_mvci_rotation_now(body, e);
-        (void)dgfem_mvci_element_force(body, e, &rotation, out);
-    }
+    dgfem_mvci_rotations(body, body->system->next);
+    dgfem_mvci_forces(body, body->system->next, out);
     return DGFEM_OK;
 }
 
@@ -221,7 +218,7 @@ DGFEM_API dgfem_status dgfem_mvc_energy(const dgfem_mvc *body, dgfem_energy *out
     }
     for (int e = 0; e < body->element_count; e++) {
         dgfem_mat3 rotation = dgfem_mvci_rotation_now(body, e);
-        out->elastic += dgfem_mvci_element_force(body, e, &rotation, NULL);
+        out->elastic += dgfem_mvci_element_push(body, e, &rotation);
     }
     return DGFEM_OK;
 }

@@ -715,8 +715,8 @@ static dgfem_status dgfem_mvci_mesh_remove_slivers(dgfem_mvci_mesh **mesh, dgfem
     memset(&sliver, 0, sizeof sliver);
     sliver.hooks = &hooks;
     for (int e = 0; !status && e < (*mesh)->element_count; e++) {
-        known[e] = dgfem_mvci_element_quality(*mesh, e);
-        if (!all && !(*mesh)->elements[e].changed) tried[e] = 1;
+        tried[e] = !all && !(*mesh)->elements[e].changed;
+        if (!tried[e]) known[e] = dgfem_mvci_element_quality(*mesh, e);
     }
     while (!status) {
         dgfem_real worst = quality;

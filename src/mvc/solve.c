@@ -56,10 +56,8 @@ static void dgfem_mvci_assemble_step(dgfem_mvc *body, dgfem_real h, dgfem_vec3 *
     dgfem_vec3 *force = dgfem_mvci_vector(body, DGFEM_MVCI_FORCE);
     double start = dgfem_mvci_clock(&body->hooks);
     dgfem_mvci_rotations(body, system->next);
-    dgfem_matrix_clear(system->matrix);
     dgfem_mvci_assemble_stiffness(body, system->next, h * h + h * body->desc.damping_stiffness);
-    memset(force, 0, (size_t)body->node_count * sizeof *force);
-    for (int e = 0; e < body->element_count; e++) (void)dgfem_mvci_element_force(body, e, &system->next[e], force);
+    dgfem_mvci_forces(body, system->next, force);
     for (int i = 0; i < body->node_count; i++) {
         dgfem_real mass = body->mass[i], *block = system->matrix->values + system->diagonal[i];
         rhs[i] = dgfem_mvci_blend(mass, body->velocity[i], -h, force[i]);
@@ -222,10 +220,8 @@ static dgfem_status dgfem_mvci_static_sweep(dgfem_mvc *body, dgfem_real factor, 
     size_t size = (size_t)body->node_count * sizeof *d;
     double start = dgfem_mvci_clock(&body->hooks);
     dgfem_mvci_rotations(body, system->next);
-    dgfem_matrix_clear(system->matrix);
     dgfem_mvci_assemble_stiffness(body, system->next, 1);
-    memset(force, 0, size);
-    for (int e = 0; e < body->element_count; e++) (void)dgfem_mvci_element_force(body, e, &system->next[e], force);
+    dgfem_mvci_forces(body, system->next, force);
     for (int i = 0; i < body->node_count; i++) rhs[i] = dgfem_mvci_scale(-1, force[i]);
     dgfem_mvci_add_external(body, factor, rhs);
     dgfem_mvci_assemble_pins(body, 1, 1, rhs);

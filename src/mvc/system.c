@@ -11,6 +11,12 @@ enum {
     DGFEM_MVCI_VECTORS
 };
 
+/* A pair of an element's nodes as part of a block of the matrix. */
+typedef struct dgfem_mvci_block_part {
+    int element, pair;
+    int turned; /* 1: transposed */
+} dgfem_mvci_block_part;
+
 struct dgfem_mvc_system {
     int *node_start;       /* [element_count + 1] into what elements have per node: */
     int *nodes;            /*   its nodes, in the order of the rows of its stiffness */
@@ -18,17 +24,22 @@ struct dgfem_mvc_system {
     dgfem_vec3 *mean;      /*   <grad phi_i> */
     size_t *pair_start;    /* [element_count + 1] into what elements have per pair of nodes (a, b), b <= a: */
     dgfem_real *stiffness; /*   9 numbers, row-major, at rest */
-    size_t *map;           /*   place of the matrix's block; NULL until dgfem_mvci_prepare_solver */
-    dgfem_matrix *matrix;     /* this and the next three: NULL until dgfem_mvci_prepare_solver */
-    dgfem_cholesky *cholesky; /* NULL with PCG */
-    size_t *diagonal;         /* [node_count] place of the matrix's block */
-    double factor_flops;      /* of the latest factorization, before the latest cut if need be; or 0 */
-    char *held;               /* [node_count] axes held */
-    dgfem_mat3 *next;         /* [element_count] rotations that become the body's when a call succeeds */
-    dgfem_vec3 *work;         /* DGFEM_MVCI_VECTORS * [node_count] */
-    dgfem_vec3 *local;        /* [2 * max_nodes] displacements and forces of an element */
+    int *use_start;        /* [node_count + 1] into `uses` */
+    int *uses;             /* positions of each node in `nodes`, ascending */
+    char *held;            /* [node_count] axes held */
+    dgfem_mat3 *next;      /* [element_count] rotations that become the body's when a call succeeds */
+    dgfem_vec3 *work;      /* DGFEM_MVCI_VECTORS * [node_count] */
+    dgfem_vec3 *local;     /* displacements of elements by position in `nodes`, then forces */
+    double factor_flops;   /* of the latest factorization, before the latest cut if need be; or 0 */
+
+    /* NULL until dgfem_mvci_prepare_solver. */
+    dgfem_matrix *matrix;
+    int *places;                  /* without threads: block of each pair; */
+    int *part_start;              /* with threads: [blocks of the matrix + 1] into `parts`, */
+    dgfem_mvci_block_part *parts; /*   what each block is the sum of, in the order of elements */
+    size_t *diagonal;             /* [node_count] place of the matrix's block */
+    dgfem_cholesky *cholesky;     /* or, with PCG, */
     dgfem_real *pcg_work;
-    int max_nodes; /* of an element */
 };
 
 static dgfem_vec3 *dgfem_mvci_vector(const dgfem_mvc *body, int k) {
@@ -38,8 +49,17 @@ static dgfem_real *dgfem_mvci_reals(dgfem_vec3 *x) { return (dgfem_real *)(void 
 
 /* ---- the elements' nodes ---- */
 
-/* Fills node_start, nodes, pair_start; *points is the largest number of samples times nodes of an element, *corners
-   that of nodes or triangles. 0 when out of memory. */
+static void dgfem_mvci_list_uses(const dgfem_mvc *body, dgfem_mvc_system *system) {
+    int *start = system->use_start, total = system->node_start[body->element_count];
+    for (int i = 0; i < total; i++) start[system->nodes[i] + 1]++;
+    for (int i = 0; i < body->node_count; i++) start[i + 1] += start[i];
+    for (int i = total - 1; i >= 0; i--) system->uses[--start[system->nodes[i] + 1]] = i;
+    for (int i = 0; i < body->node_count; i++) start[i] = start[i + 1]; /* each has come down to its beginning */
+    start[body->node_count] = total;
+}
+
+/* Fills node_start, nodes, pair_start and makes room for the rest; *points is the largest number of samples times nodes
+   of an element, *corners that of nodes or triangles. 0 when out of memory. */
 static int dgfem_mvci_lay_out(const dgfem_mvc *body, dgfem_mvc_system *system, size_t *points, int *corners) {
     const dgfem_mvci_mesh *mesh = body->mesh;
     const dgfem_hooks *hooks = &body->hooks;
@@ -60,7 +80,6 @@ static int dgfem_mvci_lay_out(const dgfem_mvc *body, dgfem_mvc_system *system, s
         int count = dgfem_mvci_element_nodes(mesh, e, mark, nodes + start);
         size_t samples = (size_t)dgfem_mvci_point_count(body->desc.quadrature, count, triangles);
         if (samples * (size_t)count > *points) *points = samples * (size_t)count;
-        if (count > system->max_nodes) system->max_nodes = count;
         system->node_start[e + 1] = start + count;
         system->pair_start[e + 1] = system->pair_start[e] + (size_t)count * ((size_t)count + 1) / 2;
     }
@@ -71,9 +90,13 @@ static int dgfem_mvci_lay_out(const dgfem_mvc *body, dgfem_mvc_system *system, s
         system->mean = (dgfem_vec3 *)dgfem_mvci_allocate(hooks, used, sizeof(dgfem_vec3));
         system->stiffness =
             (dgfem_real *)dgfem_mvci_allocate(hooks, system->pair_start[elements], 9 * sizeof(dgfem_real));
-        system->local = (dgfem_vec3 *)dgfem_mvci_allocate(hooks, 2 * (size_t)system->max_nodes, sizeof(dgfem_vec3));
-        ok = system->nodes && system->share && system->mean && system->stiffness && system->local;
+        system->local = (dgfem_vec3 *)dgfem_mvci_allocate(hooks, 2 * used, sizeof(dgfem_vec3));
+        system->use_start = (int *)dgfem_mvci_allocate(hooks, (size_t)mesh->node_count + 1, sizeof(int));
+        system->uses = (int *)dgfem_mvci_allocate(hooks, used, sizeof(int));
+        ok = system->nodes && system->share && system->mean && system->stiffness && system->local &&
+             system->use_start && system->uses;
     }
+    if (ok) dgfem_mvci_list_uses(body, system);
     dgfem_mvci_scratch_free(&scratch);
     return ok;
 }
@@ -201,19 +224,65 @@ static void dgfem_mvci_measure_nodes(dgfem_mvc *body, const dgfem_mvc_system *sy
 
 /* ---- matrix ---- */
 
-static void dgfem_mvci_fill_map(const dgfem_mvc *body, dgfem_mvc_system *system) {
-    size_t *map = system->map;
+/* The number of a block; all have nine values. */
+static int dgfem_mvci_block_index(const dgfem_matrix *matrix, int row, int column) {
+    return (int)((dgfem_matrix_block(matrix, row, column) - matrix->values) / 9);
+}
+
+/* Enters the block of each pair in places. Or counts the parts of each block in part_start[block + 1]; or, once these
+   are beginnings, writes them there, and part_start[block + 1] moves on. */
+static void dgfem_mvci_enter_parts(const dgfem_mvc *body, dgfem_mvc_system *system, int is_write) {
+    int pair = 0;
     for (int e = 0; e < body->element_count; e++) {
         const int *nodes = system->nodes + system->node_start[e];
         int count = system->node_start[e + 1] - system->node_start[e];
         for (int a = 0; a < count; a++)
-            for (int b = 0; b <= a; b++) {
-                int row = nodes[a] > nodes[b] ? nodes[a] : nodes[b], column = nodes[a] + nodes[b] - row;
-                *map++ = (size_t)(dgfem_matrix_block(system->matrix, row, column) - system->matrix->values);
+            for (int b = 0; b <= a; b++, pair++) {
+                int turned = nodes[a] < nodes[b];
+                int block = dgfem_mvci_block_index(system->matrix, nodes[turned ? b : a], nodes[turned ? a : b]);
+                if (system->places) {
+                    system->places[pair] = block;
+                    continue;
+                }
+                int at = system->part_start[block + 1]++;
+                if (!is_write) continue;
+                system->parts[at].element = e;
+                system->parts[at].pair = pair;
+                system->parts[at].turned = turned;
             }
     }
+}
+
+static void dgfem_mvci_list_parts(const dgfem_mvc *body, dgfem_mvc_system *system, int blocks) {
+    int *start = system->part_start, sum = 0;
+    dgfem_mvci_enter_parts(body, system, 0);
+    for (int k = 0; k < blocks; k++) { /* from counts to beginnings */
+        int count = start[k + 1];
+        start[k + 1] = sum;
+        sum += count;
+    }
+    dgfem_mvci_enter_parts(body, system, 1);
+}
+
+/* places or parts, as the hooks ask, and diagonal. 0 when out of memory. */
+static int dgfem_mvci_list_blocks(const dgfem_mvc *body, dgfem_mvc_system *system) {
+    const dgfem_hooks *hooks = &body->hooks;
+    const dgfem_matrix *matrix = system->matrix;
+    size_t pairs = system->pair_start[body->element_count];
+    int blocks = matrix->row_start[matrix->block_count];
+    DGFEM_ASSERT(matrix->value_start[blocks] == 9 * (size_t)blocks);
     for (int i = 0; i < body->node_count; i++)
-        system->diagonal[i] = (size_t)(dgfem_matrix_block(system->matrix, i, i) - system->matrix->values);
+        system->diagonal[i] = 9 * (size_t)dgfem_mvci_block_index(matrix, i, i);
+    if (!hooks->parallel_for) {
+        system->places = (int *)dgfem_mvci_allocate(hooks, pairs, sizeof(int));
+        if (system->places) dgfem_mvci_enter_parts(body, system, 0);
+        return system->places != NULL;
+    }
+    system->part_start = (int *)dgfem_mvci_allocate(hooks, (size_t)blocks + 1, sizeof(int));
+    system->parts = (dgfem_mvci_block_part *)dgfem_mvci_allocate(hooks, pairs, sizeof *system->parts);
+    if (!system->part_start || !system->parts) return 0;
+    dgfem_mvci_list_parts(body, system, blocks);
+    return 1;
 }
 
 static dgfem_status dgfem_mvci_create_matrix(const dgfem_mvc *body, dgfem_mvc_system *system) {
@@ -253,12 +322,17 @@ static dgfem_ordering dgfem_mvci_choose_ordering(const dgfem_mvc *body, int is_c
 }
 
 static void dgfem_mvci_free_solver(const dgfem_hooks *hooks, dgfem_mvc_system *system) {
-    dgfem_mvci_free(hooks, system->map);
+    dgfem_mvci_free(hooks, system->part_start);
+    dgfem_mvci_free(hooks, system->parts);
+    dgfem_mvci_free(hooks, system->places);
     dgfem_mvci_free(hooks, system->diagonal);
     dgfem_mvci_free(hooks, system->pcg_work);
     dgfem_matrix_destroy(system->matrix);
     dgfem_cholesky_destroy(system->cholesky);
-    system->map = system->diagonal = NULL;
+    system->part_start = NULL;
+    system->parts = NULL;
+    system->places = NULL;
+    system->diagonal = NULL;
     system->pcg_work = NULL;
     system->matrix = NULL;
     system->cholesky = NULL;
@@ -266,7 +340,6 @@ static void dgfem_mvci_free_solver(const dgfem_hooks *hooks, dgfem_mvc_system *s
 
 static dgfem_status dgfem_mvci_create_solver(const dgfem_mvc *body, dgfem_mvc_system *system, int is_cut) {
     const dgfem_hooks *hooks = &body->hooks;
-    size_t pairs = system->pair_start[body->element_count];
     dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
     dgfem_status status = dgfem_mvci_create_matrix(body, system);
     if (status) return status;
@@ -279,11 +352,9 @@ static dgfem_status dgfem_mvci_create_solver(const dgfem_mvc *body, dgfem_mvc_sy
         system->pcg_work =
             (dgfem_real *)dgfem_mvci_allocate(hooks, dgfem_pcg_work_size(system->matrix), sizeof(dgfem_real));
     if (status) return dgfem_mvci_fail(hooks, status, "the solver of %d nodes", body->node_count);
-    system->map = (size_t *)dgfem_mvci_allocate(hooks, pairs, sizeof(size_t));
     system->diagonal = (size_t *)dgfem_mvci_allocate(hooks, (size_t)body->node_count, sizeof(size_t));
-    if (!system->map || !system->diagonal || (!system->cholesky && !system->pcg_work))
+    if (!system->diagonal || (!system->cholesky && !system->pcg_work) || !dgfem_mvci_list_blocks(body, system))
         return dgfem_mvci_fail_memory(hooks);
-    dgfem_mvci_fill_map(body, system);
     return DGFEM_OK;
 }
 
@@ -311,6 +382,8 @@ static void dgfem_mvci_system_destroy(const dgfem_hooks *hooks, dgfem_mvc_system
     dgfem_mvci_free(hooks, system->next);
     dgfem_mvci_free(hooks, system->work);
     dgfem_mvci_free(hooks, system->local);
+    dgfem_mvci_free(hooks, system->use_start);
+    dgfem_mvci_free(hooks, system->uses);
     dgfem_mvci_free(hooks, system);
 }
 

@@ -167,10 +167,28 @@ static dgfem_mat3 dgfem_mvci_element_rotation(const dgfem_mvc *body, int e, cons
     return dgfem_mvci_horn(s, inertia, &body->rotation[e]);
 }
 
+/* A loop over all elements, nodes or blocks. */
+typedef struct dgfem_mvci_pass {
+    const dgfem_mvc *body;
+    const dgfem_mat3 *rotation; /* [element_count] */
+    dgfem_mat3 *rotation_out;
+    dgfem_vec3 *force; /* [node_count] */
+    dgfem_real factor;
+} dgfem_mvci_pass;
+
+static void dgfem_mvci_rotate_range(void *context, int first, int last) {
+    const dgfem_mvci_pass *pass = (const dgfem_mvci_pass *)context;
+    for (int e = first; e < last; e++)
+        pass->rotation_out[e] = dgfem_mvci_element_rotation(pass->body, e, pass->body->position);
+}
+
 /* Rotations of all elements at the current positions. */
 static void dgfem_mvci_rotations(const dgfem_mvc *body, dgfem_mat3 *out) {
-    for (int e = 0; e < body->element_count; e++)
-        out[e] = body->desc.warp ? dgfem_mvci_element_rotation(body, e, body->position) : dgfem_mvci_identity();
+    dgfem_mvci_pass pass;
+    memset(&pass, 0, sizeof pass);
+    pass.body = body, pass.rotation_out = out;
+    if (body->desc.warp) dgfem_mvci_run(&body->hooks, body->element_count, 32, dgfem_mvci_rotate_range, &pass);
+    for (int e = 0; !body->desc.warp && e < body->element_count; e++) out[e] = dgfem_mvci_identity();
 }
 
 /* ---- forces ---- */
@@ -193,14 +211,13 @@ static dgfem_vec3 dgfem_mvci_block_multiply_transposed(const dgfem_real *m, dgfe
                            m[2] * v.x + m[5] * v.y + m[8] * v.z);
 }
 
-/* Elastic energy of an element; with `out` (by node of the body) also adds R K y. */
-static dgfem_real dgfem_mvci_element_force(const dgfem_mvc *body, int e, const dgfem_mat3 *rotation, dgfem_vec3 *out) {
+/* R K y of an element into its part of system->local; returns its elastic energy. */
+static dgfem_real dgfem_mvci_element_push(const dgfem_mvc *body, int e, const dgfem_mat3 *rotation) {
     const dgfem_mvc_system *system = body->system;
     const dgfem_real *block = system->stiffness + 9 * system->pair_start[e];
-    const int *nodes = system->nodes + system->node_start[e];
-    int count = system->node_start[e + 1] - system->node_start[e];
+    int start = system->node_start[e], count = system->node_start[e + 1] - start;
     dgfem_vec3 centre = dgfem_mvci_element_mean(body, e, body->position);
-    dgfem_vec3 *y = system->local, *force = system->local + system->max_nodes;
+    dgfem_vec3 *y = system->local + start, *force = y + system->node_start[body->element_count];
     dgfem_real energy = 0;
     for (int a = 0; a < count; a++) {
         y[a] = dgfem_mvci_local_displacement(body, e, a, rotation, centre);
@@ -214,31 +231,90 @@ static dgfem_real dgfem_mvci_element_force(const dgfem_mvc *body, int e, const d
     }
     for (int a = 0; a < count; a++) {
         energy += dgfem_mvci_dot(y[a], force[a]) / 2;
-        if (out) out[nodes[a]] = dgfem_mvci_add(out[nodes[a]], dgfem_mvci_multiply(rotation, force[a]));
+        force[a] = dgfem_mvci_multiply(rotation, force[a]);
     }
     return energy;
 }
 
+static void dgfem_mvci_push_range(void *context, int first, int last) {
+    const dgfem_mvci_pass *pass = (const dgfem_mvci_pass *)context;
+    for (int e = first; e < last; e++) (void)dgfem_mvci_element_push(pass->body, e, &pass->rotation[e]);
+}
+
+/* Sums in the order of elements, whatever the threads. */
+static void dgfem_mvci_gather_range(void *context, int first, int last) {
+    const dgfem_mvci_pass *pass = (const dgfem_mvci_pass *)context;
+    const dgfem_mvc_system *system = pass->body->system;
+    const dgfem_vec3 *force = system->local + system->node_start[pass->body->element_count];
+    for (int i = first; i < last; i++) {
+        dgfem_vec3 sum = dgfem_mvci_vec3(0, 0, 0);
+        for (int k = system->use_start[i]; k < system->use_start[i + 1]; k++)
+            sum = dgfem_mvci_add(sum, force[system->uses[k]]);
+        pass->force[i] = sum;
+    }
+}
+
+/* Elastic force on each node, as R K y. */
+static void dgfem_mvci_forces(const dgfem_mvc *body, const dgfem_mat3 *rotation, dgfem_vec3 *out) {
+    dgfem_mvci_pass pass;
+    memset(&pass, 0, sizeof pass);
+    pass.body = body, pass.rotation = rotation, pass.force = out;
+    dgfem_mvci_run(&body->hooks, body->element_count, 16, dgfem_mvci_push_range, &pass);
+    dgfem_mvci_run(&body->hooks, body->node_count, 64, dgfem_mvci_gather_range, &pass);
+}
+
 /* ---- stiffness ---- */
 
-/* matrix += factor * sum R K R^T */
-static void dgfem_mvci_assemble_stiffness(const dgfem_mvc *body, const dgfem_mat3 *rotation, dgfem_real factor) {
+/* sum += factor * R K R^T, transposed where `turned`. */
+static void dgfem_mvci_add_rotated(dgfem_real *sum, dgfem_real factor, const dgfem_mat3 *rotation,
+                                   const dgfem_real *block, int turned) {
+    dgfem_mat3 m, back = dgfem_mvci_transposed(rotation);
+    memcpy(&m, block, sizeof m);
+    m = dgfem_mvci_multiply3(&m, &back);
+    m = dgfem_mvci_multiply3(rotation, &m);
+    if (turned) m = dgfem_mvci_transposed(&m);
+    for (int i = 0; i < 9; i++) sum[i] += factor * m.m[i / 3][i % 3];
+}
+
+/* Element by element: reads the stiffness in the order in which it lies in memory. */
+static void dgfem_mvci_scatter_stiffness(const dgfem_mvc *body, const dgfem_mat3 *rotation, dgfem_real factor) {
     const dgfem_mvc_system *system = body->system;
     const dgfem_real *block = system->stiffness;
-    const size_t *map = system->map;
+    const int *place = system->places;
+    dgfem_matrix_clear(system->matrix);
     for (int e = 0; e < body->element_count; e++) {
         const int *nodes = system->nodes + system->node_start[e];
         int count = system->node_start[e + 1] - system->node_start[e];
-        dgfem_mat3 back = dgfem_mvci_transposed(&rotation[e]);
         for (int a = 0; a < count; a++)
-            for (int b = 0; b <= a; b++, block += 9, map++) {
-                dgfem_real *to = system->matrix->values + *map;
-                dgfem_mat3 m;
-                memcpy(&m, block, sizeof m);
-                m = dgfem_mvci_multiply3(&m, &back);
-                m = dgfem_mvci_multiply3(&rotation[e], &m);
-                if (nodes[a] < nodes[b]) m = dgfem_mvci_transposed(&m);
-                for (int i = 0; i < 9; i++) to[i] += factor * m.m[i / 3][i % 3];
-            }
+            for (int b = 0; b <= a; b++, block += 9, place++)
+                dgfem_mvci_add_rotated(system->matrix->values + 9 * (size_t)*place, factor, &rotation[e], block,
+                                       nodes[a] < nodes[b]);
     }
+}
+
+/* Block by block, each summed in the order of elements: threads do not meet, and bits are those of the above. */
+static void dgfem_mvci_assemble_range(void *context, int first, int last) {
+    const dgfem_mvci_pass *pass = (const dgfem_mvci_pass *)context;
+    const dgfem_mvc_system *system = pass->body->system;
+    for (int k = first; k < last; k++) {
+        dgfem_real sum[9];
+        memset(sum, 0, sizeof sum);
+        for (int p = system->part_start[k]; p < system->part_start[k + 1]; p++) {
+            const dgfem_mvci_block_part *part = &system->parts[p];
+            dgfem_mvci_add_rotated(sum, pass->factor, &pass->rotation[part->element],
+                                   system->stiffness + 9 * (size_t)part->pair, part->turned);
+        }
+        memcpy(system->matrix->values + 9 * (size_t)k, sum, sizeof sum);
+    }
+}
+
+/* The matrix becomes factor * sum R K R^T. */
+static void dgfem_mvci_assemble_stiffness(const dgfem_mvc *body, const dgfem_mat3 *rotation, dgfem_real factor) {
+    const dgfem_matrix *matrix = body->system->matrix;
+    dgfem_mvci_pass pass;
+    memset(&pass, 0, sizeof pass);
+    pass.body = body, pass.rotation = rotation, pass.factor = factor;
+    if (!body->hooks.parallel_for) dgfem_mvci_scatter_stiffness(body, rotation, factor);
+    else
+        dgfem_mvci_run(&body->hooks, matrix->row_start[matrix->block_count], 64, dgfem_mvci_assemble_range, &pass);
 }
