@@ -19200,28 +19200,29 @@ static dgfem_real dgfemi_elastic_energy(const dgfem_body *body, const dgfem_mat3
 
    and conjugate gradients preconditioned by P need one to three iterations, until neighbours have turned much against
    each other. Contact is stiff and changes from step to step, but only in diagonal blocks of the elements that touch:
-   these are swept over before and after (a symmetric multiplicative Schwarz method). As long as there is no factorization, as after a cut, Gauss-Seidel sweeps are
-   the preconditioner (ssor.c): they need ten times the iterations, but nothing is to be made for them.
+   these are swept over before and after (a symmetric multiplicative Schwarz method). As long as there is no
+   factorization, as after a cut, Gauss-Seidel sweeps are the preconditioner (ssor.c): they need ten times the
+   iterations, but nothing is to be made for them.
 
    The iteration starts from the velocity of now, moved along its change in the last step so far as lowers the error's
    energy most. At the end the error that is left is made orthogonal to translations of each piece: what falls keeps its
    momentum to round-off, however coarse the tolerance.
 
-   When to factor (again) is a choice between rent and purchase: iterations with sweeps, and those with a factorization
-   beyond the first of each step, are paid until they have cost as much as a factorization; then that is bought. So no
-   sequence of steps costs much more than twice what the better choice would have. Where a factorization has soon become
-   useless, as when elements snap through, the price counts double the next time. Work is counted in operations, not
-   measured, so that runs repeat bit for bit. */
+   When to factor again is a choice between rent and purchase: iterations with a factorization beyond the first of each
+   step, and sweeps in its place, are paid until they have cost as much as a new one; then that is bought. So no sequence
+   of steps costs much more than twice what the better choice would have. Whether sweeps alone are cheaper, as in soft
+   bodies, and where elements snap through and no factorization lasts, is known from what the steps of either kind have
+   cost on average; now and then the other kind is tried again. Work is counted in operations, not measured, so that runs
+   repeat bit for bit. */
 
 struct dgfem_step_solver {
     int is_factored;        /* the body's factor is of the matrix of an earlier step */
     double factor_work;     /* of a factorization, in operations at the speed of an iteration, */
     double solve_work;      /* of an iteration with it, */
     double sweep_work;      /* and of one with sweeps */
-    double rent;            /* paid since the last factorization or since it was given up */
-    double price;           /* in factorizations: 1, or more where they have not lasted */
-    int age;                /* steps since the factorization */
-    int without_sweeps;     /* steps to come without: they had cost more than a factorization in one step */
+    double rent;            /* paid since the last factorization */
+    double stale_cost;      /* work of a step with a factorization, new ones included, on average; */
+    double sweeps_cost;     /* that of a step with sweeps; 0: not known */
     dgfem_mat3 *rotation;   /* [elements] at the factorization */
     dgfem_mat3 *turn;       /* [elements] from then to now */
     char *touched;          /* [elements] 1 for those that touched something at the factorization */
@@ -19249,17 +19250,18 @@ enum {
     DGFEMI_STEP_VECTORS
 };
 
-/* Dense kernels of a factorization are so much faster than solves, which wait for memory. */
+/* Dense kernels of a factorization are so much faster than the products of a sweep, and solves, which wait for memory,
+   so much slower. */
 #define DGFEM_FACTOR_SPEED 8.
+#define DGFEM_SOLVE_SLOWNESS 1.5
 /* What sweeps leave of the error is smooth, and adds up from step to step more than what a factorization leaves: they
    iterate to such a part of the tolerance. */
 #define DGFEM_SWEEP_CARE 3.
-/* A factorization that lasted for fewer steps was not worth its price. */
-#define DGFEM_SHORT_LIFE 4
-#define DGFEM_HIGHEST_PRICE 64.
-#define DGFEM_STEPS_WITHOUT_SWEEPS 32
 /* A factorization that costs no more than so many iterations with sweeps is made at once. */
 #define DGFEM_FEW_SWEEPS 12.
+/* Averages of costs are over so many steps; the one that is not followed fades towards a guess in so many. */
+#define DGFEM_COST_STEPS 16.
+#define DGFEM_COST_FADING 100.
 
 /* ---- creation ---- */
 
@@ -19317,9 +19319,13 @@ static dgfem_step_solver *dgfemi_step_solver_create(const dgfem_mesh *mesh, cons
         dgfemi_step_solver_destroy(solver, hooks);
         return NULL;
     }
-    solver->price = 1;
     solver->sweep_work = 5 * dgfemi_matrix_entries(matrix);
     return solver;
+}
+
+/* Two iterations a step, and a factorization in every thirty. */
+static double dgfemi_guess_cost(const dgfem_step_solver *solver) {
+    return 2 * solver->solve_work + solver->factor_work / 30;
 }
 
 /* Symbolic analysis of the body's matrix, if there is none. */
@@ -19335,7 +19341,8 @@ static dgfem_status dgfemi_analyse_body(dgfem_body *body) {
     if (!body->step_solver) return DGFEM_OK;
     body->step_solver->factor_work = body->cholesky->factor_flops / DGFEM_FACTOR_SPEED;
     body->step_solver->solve_work =
-        4 * (body->cholesky->factor_entries + dgfemi_matrix_entries(body->matrix));
+        4 * (DGFEM_SOLVE_SLOWNESS * body->cholesky->factor_entries + dgfemi_matrix_entries(body->matrix));
+    if (body->step_solver->stale_cost == 0) body->step_solver->stale_cost = dgfemi_guess_cost(body->step_solver);
     return DGFEM_OK;
 }
 
@@ -19356,8 +19363,9 @@ static double dgfemi_reference_speed(const dgfem_body *body, dgfem_real h, const
 }
 
 /* The last few iterations, of which the error that is left is estimated (Hestenes and Stiefel, Strakos and Tichy):
-   in the norm of A, which is above that of the mass and here close to it, the error's square falls by step * rho in each
-   iteration; what is still to come is as a geometric series, with the ratio at which a norm of the residual falls. */
+   in the norm of A, which is above that of the mass and here close to it, the error's square falls by step * rho in
+   each iteration; what is still to come is as a geometric series, with the ratio at which a norm of the residual
+   falls. */
 enum { DGFEM_LOOK_BACK = 4 };
 typedef struct dgfemi_progress {
     int count;
@@ -19451,8 +19459,8 @@ static void dgfemi_sweep_up(const dgfem_body *body, const dgfem_real *r, dgfem_r
     }
 }
 
-/* z_e += D_e^-1 (r_e - sum of A_ec d_c over elements c > e of the patch), d_c what was added there, descending. r is used
-   up. */
+/* z_e += D_e^-1 (r_e - sum of A_ec d_c over elements c > e of the patch), d_c what was added there, descending. r is
+   used up. */
 static void dgfemi_sweep_down(const dgfem_body *body, dgfem_real *r, dgfem_real *z) {
     const dgfem_matrix *matrix = body->matrix;
     const dgfem_step_solver *solver = body->step_solver;
@@ -19516,7 +19524,7 @@ static double dgfemi_weighted_norm(int count, const dgfem_real *weight, const dg
 }
 
 /* Iterates until the error of x, as a mean speed, is below `target`, but at most `limit` times. Returns 1 when it is, 0
-   at the limit or on breakdown. *error is the last estimate. */
+   at the limit or on breakdown. *error is the last estimate, infinite where there is none. */
 static int dgfemi_iterate_with_factor(const dgfem_body *body, dgfemi_pcg *cg, double target, int limit, int *iterations,
                                       double *error) {
     int size = cg->matrix->size;
@@ -19526,7 +19534,7 @@ static int dgfemi_iterate_with_factor(const dgfem_body *body, dgfemi_pcg *cg, do
     progress.count = 0;
     dgfemi_weigh_by_diagonal(cg->matrix, weight);
     double residual = dgfemi_weighted_norm(size, weight, cg->r);
-    *error = 0;
+    *error = residual == 0 ? 0 : HUGE_VAL;
     if (residual == 0) return 1;
     for (int k = 0; k < limit; k++) {
         double before = residual;
@@ -19542,7 +19550,7 @@ static int dgfemi_iterate_with_factor(const dgfem_body *body, dgfemi_pcg *cg, do
 
 /* ---- with sweeps ---- */
 
-/* The same with P of ssor.c; r is the residual of x before and after. */
+/* The same with P of ssor.c. r is the residual of x before, and (D + L)^-1 times that after. */
 static int dgfemi_iterate_with_sweeps(const dgfem_body *body, dgfemi_pcg *cg, double target, int limit, int *iterations,
                                       double *error) {
     int size = cg->matrix->size;
@@ -19554,12 +19562,13 @@ static int dgfemi_iterate_with_sweeps(const dgfem_body *body, dgfemi_pcg *cg, do
     sweeps.kernels = dgfemi_product_kernels();
     sweeps.inverse = body->step_solver->inverse;
     progress.count = 0;
-    *error = 0;
+    *error = HUGE_VAL;
     if (dgfemi_invert_diagonal(cg->matrix, sweeps.inverse) != DGFEM_NONE) return 0;
     dgfemi_ssor_forward(&sweeps, cg->r);
     dgfemi_ssor_diagonal(&sweeps, cg->r, cg->z);
     rho = dgfemi_vector_dot(size, cg->r, cg->z);
     memcpy(cg->p, cg->z, (size_t)size * sizeof *cg->p);
+    if (rho == 0) *error = 0;
     if (rho == 0) return 1;
     for (int k = 0; k < limit; k++) {
         double last = rho;
@@ -19644,7 +19653,6 @@ static dgfem_status dgfemi_factor_step(dgfem_body *body, const dgfem_mat3 *rotat
         solver->touched[e] = body->shape_count && body->contacts->touched[e];
     solver->is_factored = 1;
     solver->rent = 0;
-    solver->age = 0;
     return DGFEM_OK;
 }
 
@@ -19664,48 +19672,66 @@ static int dgfemi_affordable(double price, double rent, double work) {
     return count < 1 ? 0 : count < 1e6 ? (int)count : 1000000;
 }
 
-/* Iterates with the factorization, if there is one and its rent is not up. Otherwise, and when that fails, it is given
-   up for a better one (where the next price is what this one was worth) or for sweeps. 1 when x is good enough. */
+/* Iterates with the factorization, if there is one and its rent is not up; or else gives it up. 1 when x is good
+   enough. */
 static int dgfemi_iterate_stale(dgfem_body *body, dgfemi_pcg *cg, const dgfem_mat3 *rotation, double target,
                                 int *iterations, double *error) {
     dgfem_step_solver *solver = body->step_solver;
-    int before = *iterations, limit = dgfemi_affordable(solver->factor_work, solver->rent, solver->solve_work);
+    int before = *iterations, limit = dgfemi_affordable(solver->factor_work, solver->rent, solver->solve_work), good = 0;
     if (!solver->is_factored) return 0;
-    solver->age++;
     if (solver->rent < solver->factor_work) {
         dgfemi_find_turns(body, rotation);
-        if (dgfemi_find_patch(body) &&
-            dgfemi_iterate_with_factor(body, cg, target, limit + 1, iterations, error)) {
-            solver->rent += (*iterations - before - 1) * solver->solve_work;
-            return 1;
-        }
-        dgfemi_start_step(body, cg);
+        good = dgfemi_find_patch(body) &&
+               dgfemi_iterate_with_factor(body, cg, target, limit + 1, iterations, error);
+        double work = (*iterations - before) * solver->solve_work;
+        solver->rent += work - solver->solve_work;
+        solver->stale_cost += (work - solver->stale_cost) / DGFEM_COST_STEPS;
+        if (!good) dgfemi_start_step(body, cg);
     }
-    if (solver->age > DGFEM_SHORT_LIFE) solver->price = 1;
-    else if (solver->price < DGFEM_HIGHEST_PRICE) solver->price *= 2;
-    solver->rent = solver->age > DGFEM_SHORT_LIFE ? solver->factor_work : 0;
-    solver->is_factored = 0;
-    return 0;
+    solver->is_factored = good;
+    return good;
+}
+
+/* The same with sweeps, which may cost as much as a factorization. */
+static int dgfemi_iterate_sweeping(dgfem_body *body, dgfemi_pcg *cg, double target, int *iterations, double *error) {
+    dgfem_step_solver *solver = body->step_solver;
+    int before = *iterations, limit = dgfemi_affordable(solver->factor_work, 0, solver->sweep_work);
+    if (limit < DGFEM_FEW_SWEEPS) return 0;
+    int good = dgfemi_iterate_with_sweeps(body, cg, target / DGFEM_SWEEP_CARE, limit, iterations, error);
+    double work = (*iterations - before) * solver->sweep_work;
+    if (solver->sweeps_cost == 0) solver->sweeps_cost = work;
+    solver->sweeps_cost = good ? solver->sweeps_cost + (work - solver->sweeps_cost) / DGFEM_COST_STEPS : 2 * work;
+    solver->rent += work;
+    return good;
 }
 
 /* Iterates with what there is, as the body's solver and the price of a factorization allow. 1 when x is good enough. */
 static int dgfemi_iterate_step(dgfem_body *body, dgfemi_pcg *cg, const dgfem_mat3 *rotation, double target,
                                int *iterations, double *error) {
     dgfem_step_solver *solver = body->step_solver;
-    int limit = body->desc.solver_iterations, most = limit, before;
-    if (body->desc.solver != DGFEM_SOLVER_SWEEPS) {
-        if (solver->without_sweeps > 0) solver->without_sweeps--;
-        if (dgfemi_iterate_stale(body, cg, rotation, target, iterations, error)) return 1;
-        most = dgfemi_affordable(solver->factor_work, 0, solver->sweep_work);
-        limit = dgfemi_affordable(solver->price * solver->factor_work, solver->rent, solver->sweep_work);
-        if (limit > most) limit = most;
-        if (body->desc.solver == DGFEM_SOLVER_STALE || solver->without_sweeps > 0 || limit < DGFEM_FEW_SWEEPS) return 0;
+    if (body->desc.solver == DGFEM_SOLVER_SWEEPS)
+        return dgfemi_iterate_with_sweeps(body, cg, target / DGFEM_SWEEP_CARE, body->desc.solver_iterations, iterations,
+                                          error);
+    if (body->desc.solver == DGFEM_SOLVER_STALE)
+        return dgfemi_iterate_stale(body, cg, rotation, target, iterations, error);
+    if (solver->sweeps_cost < solver->stale_cost) {
+        solver->stale_cost += (dgfemi_guess_cost(solver) - solver->stale_cost) / DGFEM_COST_FADING;
+        return dgfemi_iterate_sweeping(body, cg, target, iterations, error);
     }
-    before = *iterations;
-    int good = dgfemi_iterate_with_sweeps(body, cg, target / DGFEM_SWEEP_CARE, limit, iterations, error);
-    solver->rent += (*iterations - before) * solver->sweep_work;
-    if (!good && limit == most) solver->without_sweeps = DGFEM_STEPS_WITHOUT_SWEEPS;
-    return good;
+    solver->sweeps_cost *= 1 - 1 / DGFEM_COST_FADING;
+    if (dgfemi_iterate_stale(body, cg, rotation, target, iterations, error)) return 1;
+    return solver->sweeps_cost < solver->factor_work && solver->rent < solver->factor_work &&
+           dgfemi_iterate_sweeping(body, cg, target, iterations, error);
+}
+
+/* The failure of sweeps, which have no factorization to fall back on. */
+static dgfem_status dgfemi_fail_sweeps(const dgfem_body *body, double error, dgfem_step_info *info) {
+    info->failed_element = dgfemi_invert_diagonal(body->matrix, body->step_solver->inverse);
+    if (info->failed_element != DGFEM_NONE)
+        return dgfemi_fail(&body->hooks, DGFEM_ERROR_NOT_POSITIVE_DEFINITE, "step: diagonal block of element %d",
+                           info->failed_element);
+    return dgfemi_fail(&body->hooks, DGFEM_ERROR_NOT_CONVERGED,
+                       "step: velocities off by %g of their mean after %d iterations", error, info->iterations);
 }
 
 /* Solves matrix * v = rhs for the velocities at the end of a step of length h. `rotation` are the elements' rotations
@@ -19725,12 +19751,10 @@ static dgfem_status dgfemi_solve_step(dgfem_body *body, dgfem_real h, const dgfe
     cg.p = dgfemi_step_vector(body, DGFEMI_STEP_P), cg.q = dgfemi_step_vector(body, DGFEMI_STEP_Q);
     dgfemi_start_step(body, &cg);
     if (!dgfemi_iterate_step(body, &cg, rotation, target, &info->iterations, &error)) {
-        if (body->desc.solver == DGFEM_SOLVER_SWEEPS)
-            return dgfemi_fail(&body->hooks, DGFEM_ERROR_NOT_CONVERGED,
-                               "step: velocities off by %g of their mean after %d iterations", error / reference,
-                               info->iterations);
+        if (body->desc.solver == DGFEM_SOLVER_SWEEPS) return dgfemi_fail_sweeps(body, error / reference, info);
         status = dgfemi_factor_step(body, rotation, info);
         if (status) return status;
+        body->step_solver->stale_cost += body->step_solver->factor_work / DGFEM_COST_STEPS;
         dgfemi_find_turns(body, rotation);
         body->step_solver->patch_count = 0; /* the factorization is of this very matrix */
         dgfemi_start_step(body, &cg);
@@ -19970,6 +19994,8 @@ static dgfem_status dgfemi_body_create_factor(dgfem_body *body, const dgfem_step
     if (solver == DGFEM_SOLVER_AUTO && former) {
         body->step_solver->factor_work = former->factor_work;
         body->step_solver->solve_work = former->solve_work;
+        body->step_solver->stale_cost = former->stale_cost;
+        body->step_solver->sweeps_cost = former->sweeps_cost;
     } else if (solver != DGFEM_SOLVER_PCG && solver != DGFEM_SOLVER_SWEEPS) {
         status = dgfemi_analyse_body(body);
     }

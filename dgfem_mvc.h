@@ -208,17 +208,17 @@ typedef struct dgfem_mvc_desc {
     dgfem_material material;         /* default 1e6 Pa, 0.3, 1000 kg/m^3 */
     const dgfem_material *materials; /* [elements] or NULL: `material` everywhere */
     dgfem_mvc_quadrature quadrature; /* default TET4 */
-    dgfem_real stabilisation;     /* alpha: stiffness alpha mu h of motions beyond linear ones, for elements with very
-                                        short edges; default 0, helpful 0.1 */
-    int b_bar;                    /* 1: volume change as its mean in each element, against locking of nearly
+    dgfem_real stabilisation;        /* alpha: stiffness alpha mu h of motions beyond linear ones, for elements with
+                                        very short edges; default 0, helpful 0.1 */
+    int b_bar;                       /* 1: volume change as its mean in each element, against locking of nearly
                                         incompressible materials; default 0 */
-    dgfem_vec3 gravity;           /* default 0 0 -9.81 m/s^2 */
-    dgfem_real damping_mass;      /* Rayleigh alpha, 1/s; default 0 */
-    dgfem_real damping_stiffness; /* Rayleigh beta, s; default 0 */
-    int warp;                     /* 1: stiffness warping (default); 0: linear elasticity */
-    dgfem_solver solver;          /* default Cholesky */
-    dgfem_real solver_tolerance;  /* of PCG; default 1e-6 (float: 1e-4) */
-    int solver_iterations;        /* of PCG at most; default 1000 */
+    dgfem_vec3 gravity;              /* default 0 0 -9.81 m/s^2 */
+    dgfem_real damping_mass;         /* Rayleigh alpha, 1/s; default 0 */
+    dgfem_real damping_stiffness;    /* Rayleigh beta, s; default 0 */
+    int warp;                        /* 1: stiffness warping (default); 0: linear elasticity */
+    dgfem_solver solver;             /* DGFEM_SOLVER_CHOLESKY (default) or DGFEM_SOLVER_PCG; others are refused */
+    dgfem_real solver_tolerance;     /* of PCG; default 1e-6 (float: 1e-4) */
+    int solver_iterations;           /* of PCG at most; default 1000 */
     dgfem_hooks hooks;
 } dgfem_mvc_desc;
 
@@ -454,8 +454,8 @@ DGFEM_API dgfem_status dgfem_mvc_split_element(dgfem_mvc *body, int element, dgf
 DGFEM_API dgfem_status dgfem_mvc_cut_plane(dgfem_mvc *body, dgfem_plane plane, const dgfem_mvc_cut_desc *desc,
                                            dgfem_mvc_cut_info *info);
 
-/* Cuts inside a planar polygon, convex or not, in either sense; elements it meets are split along its plane, and their parts
-   stay connected outside of it. */
+/* Cuts inside a planar polygon, convex or not, in either sense; elements it meets are split along its plane, and their
+   parts stay connected outside of it. */
 DGFEM_API dgfem_status dgfem_mvc_cut_polygon(dgfem_mvc *body, dgfem_points_in polygon, const dgfem_mvc_cut_desc *desc,
                                              dgfem_mvc_cut_info *info);
 
@@ -654,8 +654,7 @@ static void dgfem_mvci_scratch_free(dgfem_mvci_scratch *scratch) {
 
 /* fn for ranges of 0 <= i < count, in the caller's threads where there are any. */
 static void dgfem_mvci_run(const dgfem_hooks *hooks, int count, int grain, dgfem_range_fn fn, void *context) {
-    if (hooks->parallel_for && count > grain)
-        hooks->parallel_for(hooks->parallel_for_user, count, grain, fn, context);
+    if (hooks->parallel_for && count > grain) hooks->parallel_for(hooks->parallel_for_user, count, grain, fn, context);
     else fn(context, 0, count);
 }
 
@@ -1300,6 +1299,34 @@ static dgfem_mvci_mesh *dgfem_mvci_mesh_copy(const dgfem_mvci_mesh *mesh) {
     return NULL;
 }
 
+/* ---- classes and lists ---- */
+
+/* The root of the class of i, which is its own parent. */
+static int dgfem_mvci_root(int *parent, int i) {
+    while (parent[i] != i) i = parent[i] = parent[parent[i]];
+    return i;
+}
+
+/* Makes the classes of a and b one, with the lower root. */
+static void dgfem_mvci_join(int *parent, int a, int b) {
+    a = dgfem_mvci_root(parent, a), b = dgfem_mvci_root(parent, b);
+    if (a < b) parent[b] = a;
+    else parent[a] = b;
+}
+
+/* Lists the places of each key, ascending: list[start[k]] up to list[start[k + 1] - 1]. DGFEM_NONE is no key.
+   start[keys + 1] comes zeroed. */
+static void dgfem_mvci_list_places(const int *key, int count, int keys, int *start, int *list) {
+    for (int i = 0; i < count; i++)
+        if (key[i] != DGFEM_NONE) start[key[i] + 1]++;
+    for (int k = 0; k < keys; k++) start[k + 1] += start[k];
+    int total = start[keys];
+    for (int i = count - 1; i >= 0; i--)
+        if (key[i] != DGFEM_NONE) list[--start[key[i] + 1]] = i;
+    for (int k = 0; k < keys; k++) start[k] = start[k + 1]; /* each has come down to its beginning */
+    start[keys] = total;
+}
+
 /* ---- edges ---- */
 
 /* Open addressing from a pair of nodes to a value. Zeroed memory is a table without room. */
@@ -1527,7 +1554,7 @@ static void dgfem_mvci_mesh_inherit(const dgfem_mvci_mesh *mesh, char *mark) {
     }
 }
 
-static int dgfem_mvci_compact_nodes(dgfem_mvci_mesh *mesh, int *number) {
+static void dgfem_mvci_compact_nodes(dgfem_mvci_mesh *mesh, int *number) {
     int kept = 0;
     for (int i = 0; i < mesh->node_count; i++) number[i] = DGFEM_NONE;
     for (int f = 0; f < mesh->face_count; f++) {
@@ -1543,17 +1570,15 @@ static int dgfem_mvci_compact_nodes(dgfem_mvci_mesh *mesh, int *number) {
         number[i] = kept++;
     }
     mesh->node_count = kept;
-    return kept;
 }
 
-static int dgfem_mvci_compact_elements(dgfem_mvci_mesh *mesh, int *number) {
+static void dgfem_mvci_compact_elements(dgfem_mvci_mesh *mesh, int *number) {
     int kept = 0;
     for (int e = 0; e < mesh->element_count; e++) {
         number[e] = mesh->elements[e].face_count ? kept : DGFEM_NONE;
         if (mesh->elements[e].face_count) mesh->elements[kept++] = mesh->elements[e];
     }
     mesh->element_count = kept;
-    return kept;
 }
 
 /* The live faces, with their loops and triangles in order, into new pools. */
@@ -1591,8 +1616,8 @@ static int dgfem_mvci_mesh_compact(dgfem_mvci_mesh *mesh) {
              dgfem_mvci_ints_room(&mesh->hooks, &triangles, mesh->triangles.count) &&
              dgfem_mvci_ints_room(&mesh->hooks, &lists, mesh->element_faces.count);
     if (ok) {
-        (void)dgfem_mvci_compact_nodes(mesh, node);
-        (void)dgfem_mvci_compact_elements(mesh, element);
+        dgfem_mvci_compact_nodes(mesh, node);
+        dgfem_mvci_compact_elements(mesh, element);
         dgfem_mvci_compact_faces(mesh, node, element, face, &loops, &triangles);
         for (int e = 0; e < mesh->element_count; e++) {
             dgfem_mvci_element *item = &mesh->elements[e];
@@ -1843,7 +1868,6 @@ static dgfem_status dgfem_mvci_mesh_settle(dgfem_mvci_mesh *mesh, dgfem_mvci_int
 /* ---- from the cell complex ---- */
 
 static dgfem_status dgfem_mvci_check_source(const dgfem_mesh *source, const dgfem_hooks *hooks) {
-    if (!source->element_count) return dgfem_mvci_fail(hooks, DGFEM_ERROR_EMPTY, "the mesh has no elements");
     for (int f = 0; f < source->face_count; f++) {
         const dgfem_face *face = &source->faces[f];
         if (face->loop_count != 1)
@@ -2033,7 +2057,6 @@ static dgfem_status dgfem_mvci_check_element(const dgfem_mvci_mesh *mesh, int e,
     for (int kind = 0; kind < 2; kind++) {
         if (!dgfem_mvci_edges_reset(hooks, edges, 3 * dgfem_mvci_element_corners(mesh, e)))
             return dgfem_mvci_fail_memory(hooks);
-        int used = 0;
         for (int pass = 0; pass < 2; pass++)
             for (int k = 0; k < face_count; k++) {
                 const dgfem_mvci_face *face = &mesh->faces[faces[k] / 2];
@@ -2048,7 +2071,6 @@ static dgfem_status dgfem_mvci_check_element(const dgfem_mvci_mesh *mesh, int e,
                         return dgfem_mvci_fail(hooks, DGFEM_ERROR_INVARIANT,
                                                "element %d: the edge of nodes %d and %d in face %d %s", e, from, to,
                                                faces[k] / 2, pass ? "has no opposite" : "is there twice");
-                    used++;
                 }
                 if (kind && !pass) triangles += face->triangle_count;
             }
@@ -2353,15 +2375,6 @@ static dgfem_real *dgfem_mvci_reals(dgfem_vec3 *x) { return (dgfem_real *)(void 
 
 /* ---- the elements' nodes ---- */
 
-static void dgfem_mvci_list_uses(const dgfem_mvc *body, dgfem_mvc_system *system) {
-    int *start = system->use_start, total = system->node_start[body->element_count];
-    for (int i = 0; i < total; i++) start[system->nodes[i] + 1]++;
-    for (int i = 0; i < body->node_count; i++) start[i + 1] += start[i];
-    for (int i = total - 1; i >= 0; i--) system->uses[--start[system->nodes[i] + 1]] = i;
-    for (int i = 0; i < body->node_count; i++) start[i] = start[i + 1]; /* each has come down to its beginning */
-    start[body->node_count] = total;
-}
-
 /* Fills node_start, nodes, pair_start and makes room for the rest; *points is the largest number of samples times nodes
    of an element, *corners that of nodes or triangles. 0 when out of memory. */
 static int dgfem_mvci_lay_out(const dgfem_mvc *body, dgfem_mvc_system *system, size_t *points, int *corners) {
@@ -2400,7 +2413,9 @@ static int dgfem_mvci_lay_out(const dgfem_mvc *body, dgfem_mvc_system *system, s
         ok = system->nodes && system->share && system->mean && system->stiffness && system->local &&
              system->use_start && system->uses;
     }
-    if (ok) dgfem_mvci_list_uses(body, system);
+    if (ok)
+        dgfem_mvci_list_places(system->nodes, system->node_start[elements], mesh->node_count, system->use_start,
+                               system->uses);
     dgfem_mvci_scratch_free(&scratch);
     return ok;
 }
@@ -2575,8 +2590,7 @@ static int dgfem_mvci_list_blocks(const dgfem_mvc *body, dgfem_mvc_system *syste
     size_t pairs = system->pair_start[body->element_count];
     int blocks = matrix->row_start[matrix->block_count];
     DGFEM_ASSERT(matrix->value_start[blocks] == 9 * (size_t)blocks);
-    for (int i = 0; i < body->node_count; i++)
-        system->diagonal[i] = 9 * (size_t)dgfem_mvci_block_index(matrix, i, i);
+    for (int i = 0; i < body->node_count; i++) system->diagonal[i] = 9 * (size_t)dgfem_mvci_block_index(matrix, i, i);
     if (!hooks->parallel_for) {
         system->places = (int *)dgfem_mvci_allocate(hooks, pairs, sizeof(int));
         if (system->places) dgfem_mvci_enter_parts(body, system, 0);
@@ -2808,7 +2822,9 @@ static dgfem_status dgfem_mvci_check_desc(const dgfem_mvc_desc *desc) {
     if ((int)desc->quadrature < 0 || desc->quadrature > DGFEM_MVC_PAPER_RAW)
         return dgfem_mvci_fail(hooks, DGFEM_ERROR_ARGUMENT, "unknown quadrature %d", (int)desc->quadrature);
     if (desc->solver != DGFEM_SOLVER_CHOLESKY && desc->solver != DGFEM_SOLVER_PCG)
-        return dgfem_mvci_fail(hooks, DGFEM_ERROR_ARGUMENT, "unknown solver %d", (int)desc->solver);
+        return dgfem_mvci_fail(hooks, DGFEM_ERROR_ARGUMENT,
+                               "solver %d: only DGFEM_SOLVER_CHOLESKY (%d) and DGFEM_SOLVER_PCG (%d) serve here",
+                               (int)desc->solver, (int)DGFEM_SOLVER_CHOLESKY, (int)DGFEM_SOLVER_PCG);
     if (desc->solver_iterations < 1)
         return dgfem_mvci_fail(hooks, DGFEM_ERROR_ARGUMENT, "%d solver_iterations", desc->solver_iterations);
     dgfem_status status = dgfem_mvci_check_scalar(hooks, desc->stabilisation, 0, "stabilisation");
@@ -3092,6 +3108,8 @@ static dgfem_status dgfem_mvci_check_obstacle(const dgfem_mvc *body, dgfem_shape
     if (!status) status = dgfem_mvci_check_real(body, desc->radius, "radius");
     if (!status && kind == DGFEM_SHAPE_PLANE && !(dgfem_mvci_norm(desc->plane.normal) > 0))
         status = dgfem_mvci_fail(hooks, DGFEM_ERROR_ARGUMENT, "the plane's normal is zero");
+    if (!status && kind == DGFEM_SHAPE_PLANE)
+        status = dgfem_mvci_check_real(body, dgfem_mvci_norm(desc->plane.normal), "length of the plane's normal");
     if (!status && kind == DGFEM_SHAPE_SPHERE && desc->radius == 0)
         status = dgfem_mvci_fail(hooks, DGFEM_ERROR_ARGUMENT, "the sphere's radius is 0");
     return status;
@@ -3232,8 +3250,7 @@ static int dgfem_mvci_follow(const double s[3][3], double size, const dgfem_mat3
     for (int step = 0; step < 8; step++) {
         dgfem_mvci_product3((const double(*)[3])q, s, m);
         double trace = m[0][0] + m[1][1] + m[2][2];
-        for (int i = 0; i < 9; i++)
-            a[i / 3][i % 3] = (i % 4 ? 0 : trace) - (m[i / 3][i % 3] + m[i % 3][i / 3]) / 2;
+        for (int i = 0; i < 9; i++) a[i / 3][i % 3] = (i % 4 ? 0 : trace) - (m[i / 3][i % 3] + m[i % 3][i / 3]) / 2;
         b[0] = m[1][2] - m[2][1], b[1] = m[2][0] - m[0][2], b[2] = m[0][1] - m[1][0];
         if (!dgfem_mvci_solve3((const double(*)[3])a, b, 1e-3 * size, w)) return 0;
         if (square < 1e-18) break; /* the turn before was this short: what is left is its square */
@@ -3455,8 +3472,7 @@ static void dgfem_mvci_assemble_stiffness(const dgfem_mvc *body, const dgfem_mat
     memset(&pass, 0, sizeof pass);
     pass.body = body, pass.rotation = rotation, pass.factor = factor;
     if (!body->hooks.parallel_for) dgfem_mvci_scatter_stiffness(body, rotation, factor);
-    else
-        dgfem_mvci_run(&body->hooks, matrix->row_start[matrix->block_count], 64, dgfem_mvci_assemble_range, &pass);
+    else dgfem_mvci_run(&body->hooks, matrix->row_start[matrix->block_count], 64, dgfem_mvci_assemble_range, &pass);
 }
 
 /* ==== load.c ====================================================================================================== */
@@ -3752,23 +3768,14 @@ DGFEM_API dgfem_status dgfem_mvc_step(dgfem_mvc *body, dgfem_real dt, dgfem_mvc_
 
 /* ---- what holds the body ---- */
 
-static int dgfem_mvci_find_root(int *parent, int i) {
-    while (parent[i] != i) i = parent[i] = parent[parent[i]];
-    return i;
-}
-
 /* root[i]: the lowest node that hangs together with node i. */
 static void dgfem_mvci_node_pieces(const dgfem_mvc *body, int *root) {
     const dgfem_mvc_system *system = body->system;
     for (int i = 0; i < body->node_count; i++) root[i] = i;
     for (int e = 0; e < body->element_count; e++)
-        for (int k = system->node_start[e]; k < system->node_start[e + 1]; k++) {
-            int a = dgfem_mvci_find_root(root, system->nodes[system->node_start[e]]);
-            int b = dgfem_mvci_find_root(root, system->nodes[k]);
-            if (a < b) root[b] = a;
-            else root[a] = b;
-        }
-    for (int i = 0; i < body->node_count; i++) root[i] = dgfem_mvci_find_root(root, i);
+        for (int k = system->node_start[e]; k < system->node_start[e + 1]; k++)
+            dgfem_mvci_join(root, system->nodes[system->node_start[e]], system->nodes[k]);
+    for (int i = 0; i < body->node_count; i++) root[i] = dgfem_mvci_root(root, i);
 }
 
 /* The conditions on the rigid motions t + w x (x - centre) / size of one piece, as a Gram matrix over (t, w): a motion
@@ -4220,10 +4227,11 @@ DGFEM_API dgfem_real dgfem_mvc_volume(const dgfem_mvc *body) {
 typedef struct dgfem_mvci_transfer {
     const dgfem_mvc *body;
     const dgfem_mvci_mesh *mesh;
-    char *mark;  /* [numbers of nodes] those a condition has, and what inherits it */
-    int *root;   /* [numbers of nodes] the old node that it is a copy of, or DGFEM_NONE */
-    int *copies; /* [old nodes] number of nodes in the new mesh that are it or its copies */
-    int *items;  /* [new nodes or faces] */
+    char *mark;      /* [numbers of nodes] those a condition has, and what inherits it */
+    int *root;       /* [numbers of nodes] the old node that it is a copy of, or DGFEM_NONE */
+    int *copy_start; /* [old nodes + 1] into `copies` */
+    int *copies;     /* [new nodes] those that are an old node or copies of it */
+    int *items;      /* [new nodes or faces] */
 } dgfem_mvci_transfer;
 
 static int dgfem_mvci_transfer_reserve(dgfem_mvci_scratch *scratch, dgfem_mvci_transfer *t) {
@@ -4233,9 +4241,10 @@ static int dgfem_mvci_transfer_reserve(dgfem_mvci_scratch *scratch, dgfem_mvci_t
     size_t old_most = (size_t)(t->body->node_count > t->body->face_count ? t->body->node_count : t->body->face_count);
     t->mark = (char *)dgfem_mvci_take(scratch, numbers > old_most ? numbers : old_most, 1);
     t->root = (int *)dgfem_mvci_take(scratch, numbers, sizeof(int));
-    t->copies = (int *)dgfem_mvci_take(scratch, (size_t)t->body->node_count, sizeof(int));
+    t->copy_start = (int *)dgfem_mvci_take(scratch, (size_t)t->body->node_count + 1, sizeof(int));
+    t->copies = (int *)dgfem_mvci_take(scratch, (size_t)mesh->node_count, sizeof(int));
     t->items = (int *)dgfem_mvci_take(scratch, most, sizeof(int));
-    return t->mark && t->root && t->copies && t->items;
+    return t->mark && t->root && t->copy_start && t->copies && t->items;
 }
 
 static void dgfem_mvci_trace_copies(dgfem_mvci_transfer *t) {
@@ -4245,10 +4254,8 @@ static void dgfem_mvci_trace_copies(dgfem_mvci_transfer *t) {
         const int *parent = mesh->births[b].parent;
         t->root[mesh->base_count + b] = parent[1] == DGFEM_NONE ? t->root[parent[0]] : DGFEM_NONE;
     }
-    for (int i = 0; i < mesh->node_count; i++) {
-        int root = t->root[mesh->origin[i]];
-        if (root != DGFEM_NONE) t->copies[root]++;
-    }
+    for (int i = 0; i < mesh->node_count; i++) t->items[i] = t->root[mesh->origin[i]];
+    dgfem_mvci_list_places(t->items, mesh->node_count, t->body->node_count, t->copy_start, t->copies);
 }
 
 /* Fixtures hold what inherits from their nodes. Returns the number of items. */
@@ -4274,17 +4281,18 @@ static int dgfem_mvci_transfer_faces(dgfem_mvci_transfer *t, const dgfem_mvc_con
     return count;
 }
 
-/* Copies of a node share its force or spring. The number of items, each with its share written to share[]. */
-static int dgfem_mvci_transfer_copies(dgfem_mvci_transfer *t, const dgfem_mvc_condition *condition, dgfem_real *share) {
+/* Copies of a node share its force or spring. Returns the number of items; they and their shares are written unless
+   NULL. A node may be listed often: there may be more items than nodes. */
+static int dgfem_mvci_transfer_copies(const dgfem_mvci_transfer *t, const dgfem_mvc_condition *condition, int *items,
+                                      dgfem_real *share) {
     int count = 0;
-    for (int k = 0; k < condition->count; k++)
-        for (int i = 0; i < t->mesh->node_count; i++) {
-            int node = condition->items[k];
-            if (t->root[t->mesh->origin[i]] != node) continue;
-            if (share) share[count] = condition->share[k] / (dgfem_real)t->copies[node];
-            if (!share) count++;
-            else t->items[count++] = i;
+    for (int k = 0; k < condition->count; k++) {
+        int start = t->copy_start[condition->items[k]], end = t->copy_start[condition->items[k] + 1];
+        for (int i = start; i < end; i++, count++) {
+            if (items) items[count] = t->copies[i];
+            if (share) share[count] = condition->share[k] / (dgfem_real)(end - start);
         }
+    }
     return count;
 }
 
@@ -4295,14 +4303,11 @@ static int dgfem_mvci_transfer_condition(dgfem_mvci_transfer *t, const dgfem_mvc
     *to = *from;
     to->items = NULL, to->share = NULL;
     if (from->share) {
-        to->count = dgfem_mvci_transfer_copies(t, from, NULL);
+        to->count = dgfem_mvci_transfer_copies(t, from, NULL, NULL);
         to->items = (int *)dgfem_mvci_allocate(hooks, (size_t)to->count, sizeof(int));
         to->share = (dgfem_real *)dgfem_mvci_allocate(hooks, (size_t)to->count, sizeof(dgfem_real));
         if (!to->items || !to->share) return 0;
-        int *items = t->items; /* a node may be listed often: more items than nodes */
-        t->items = to->items;
-        (void)dgfem_mvci_transfer_copies(t, from, to->share);
-        t->items = items;
+        (void)dgfem_mvci_transfer_copies(t, from, to->items, to->share);
         return 1;
     }
     to->count = dgfem_mvci_is_face_load(from) ? dgfem_mvci_transfer_faces(t, from) : dgfem_mvci_transfer_nodes(t, from);
@@ -4715,11 +4720,6 @@ static int dgfem_mvci_split_face(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh, 
 }
 
 /* ---- elements ---- */
-
-static int dgfem_mvci_root(int *parent, int i) {
-    while (parent[i] != i) i = parent[i] = parent[parent[i]];
-    return i;
-}
 
 /* 1 above, -1 below. A face on the blade belongs to the side on which the element's inside is. */
 static int dgfem_mvci_face_side(const dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, int entry) {
@@ -5423,12 +5423,6 @@ static int dgfem_mvci_fill(const dgfem_hooks *hooks, dgfem_mvci_ints *ints, int 
     return 1;
 }
 
-static void dgfem_mvci_join(int *parent, int a, int b) {
-    a = dgfem_mvci_root(parent, a), b = dgfem_mvci_root(parent, b);
-    if (a < b) parent[b] = a;
-    else parent[a] = b;
-}
-
 /* The nodes of c->faces, and their regions. 0 when out of memory. */
 static int dgfem_mvci_number_crack(const dgfem_hooks *hooks, const dgfem_mvci_mesh *mesh, dgfem_mvci_cracks *c) {
     c->nodes.count = c->region.count = 0;
@@ -5558,13 +5552,12 @@ static int dgfem_mvci_fan(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh, dgfem_m
     s->buffer.count = 0;
     if (dgfem_mvci_append(s->hooks, &s->buffer, mesh->loops.data + old.loop, old.count) == DGFEM_NONE) return 0;
     for (int i = 0; i < old.count; i++) {
-        int index = face;
         loop[0] = centre, loop[1] = s->buffer.data[i], loop[2] = s->buffer.data[(i + 1) % old.count];
         if (!i) {
             if (!dgfem_mvci_set_loop(mesh, face, loop, 3)) return 0;
             continue;
         }
-        index = dgfem_mvci_add_face(mesh, old.owner[0], old.owner[1], loop, 3, old.from, old.wall);
+        int index = dgfem_mvci_add_face(mesh, old.owner[0], old.owner[1], loop, 3, old.from, old.wall);
         if (index == DGFEM_NONE || !dgfem_mvci_push(s->hooks, &c->faces, index)) return 0;
         for (int side = 0; side < 2; side++)
             if (!dgfem_mvci_add_element_face(mesh, old.owner[side], index, side)) return 0;
@@ -6810,6 +6803,8 @@ static dgfem_status dgfem_mvci_body_plane(dgfem_mvc *body, int element, dgfem_pl
         return dgfem_mvci_fail(&body->hooks, DGFEM_ERROR_NOT_FINITE, "cut: the plane");
     dgfem_real length = dgfem_mvci_norm(plane.normal);
     if (!(length > 0)) return dgfem_mvci_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "cut: the plane's normal is zero");
+    if (!dgfem_mvci_is_finite(length))
+        return dgfem_mvci_fail(&body->hooks, DGFEM_ERROR_NOT_FINITE, "cut: the length of the plane's normal");
     dgfem_mvci_job job = dgfem_mvci_job_make(body, desc);
     dgfem_vec3 normal = dgfem_mvci_scale(1 / length, plane.normal);
     dgfem_mvci_blade_axes(&job.blade, normal, dgfem_mvci_scale(plane.offset / length, normal));
@@ -7585,27 +7580,19 @@ static int dgfem_mvci_is_smooth(const dgfem_mvc *body, const int *triangles, int
 static void dgfem_mvci_surface_vertices(const dgfem_mvc *body, dgfem_mvc_surface *surface, int *start, int *list,
                                         int *root) {
     int corners = 3 * surface->triangle_count;
-    for (int c = 0; c < corners; c++) start[surface->triangles[c] + 1]++, root[c] = c;
-    for (int i = 0; i < body->node_count; i++) start[i + 1] += start[i];
-    for (int c = corners - 1; c >= 0; c--) list[--start[surface->triangles[c] + 1]] = c;
-    for (int i = 0; i < body->node_count; i++) { /* now start[i + 1] is where node i begins */
-        int end = i + 1 < body->node_count ? start[i + 2] : corners;
-        for (int p = start[i + 1]; p < end; p++)
-            for (int q = p + 1; q < end; q++) {
-                if (!dgfem_mvci_is_smooth(body, surface->triangles, list[p], list[q])) continue;
-                int a = dgfem_mvci_find_root(root, list[p]), b = dgfem_mvci_find_root(root, list[q]);
-                if (a < b) root[b] = a;
-                else root[a] = b;
-            }
-    }
+    for (int c = 0; c < corners; c++) root[c] = c;
+    dgfem_mvci_list_places(surface->triangles, corners, body->node_count, start, list);
+    for (int i = 0; i < body->node_count; i++)
+        for (int p = start[i]; p < start[i + 1]; p++)
+            for (int q = p + 1; q < start[i + 1]; q++)
+                if (dgfem_mvci_is_smooth(body, surface->triangles, list[p], list[q]))
+                    dgfem_mvci_join(root, list[p], list[q]);
     for (int c = 0; c < corners; c++) { /* roots come first: list[c] becomes the vertex of root c */
-        int r = dgfem_mvci_find_root(root, c);
-        if (r == c) {
-            surface->node[surface->vertex_count] = surface->triangles[c];
-            list[c] = surface->vertex_count++;
-        }
+        if (dgfem_mvci_root(root, c) != c) continue;
+        surface->node[surface->vertex_count] = surface->triangles[c];
+        list[c] = surface->vertex_count++;
     }
-    for (int c = 0; c < corners; c++) surface->triangles[c] = list[dgfem_mvci_find_root(root, c)];
+    for (int c = 0; c < corners; c++) surface->triangles[c] = list[dgfem_mvci_root(root, c)];
 }
 
 static int dgfem_mvci_surface_fill(const dgfem_mvc *body, dgfem_mvci_scratch *scratch, dgfem_mvc_surface *surface) {

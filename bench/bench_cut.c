@@ -112,12 +112,12 @@ static void bench_size(const formats_surface *surface) {
 }
 
 /* The demo's bunny in motion: some steps, a cut by an oblique plane with the step after it, and again. */
-static void bench_step(const formats_surface *surface, int with_skin) {
+static void bench_step(const formats_surface *surface, dgfem_solver solver, const char *name, int with_skin) {
     const dgfem_real dt = DGFEM_R(1.0) / 60;
     double ordinary = 1e300, cutting = 1e300, cut = 1e300;
     int split = 0, elements = 0;
     for (int run = 0; run < RUNS; run++) {
-        dgfem_body *body = make_body(slice(surface, 11, 1e-3), DGFEM_SOLVER_CHOLESKY);
+        dgfem_body *body = make_body(slice(surface, 11, 1e-3), solver);
         dgfem_skin *skin = body && with_skin ? make_skin(body, surface) : NULL;
         dgfem_cut_desc desc = dgfem_default_cut_desc();
         dgfem_plane plane = {{DGFEM_R(0.5), DGFEM_R(0.3), DGFEM_R(0.8)}, DGFEM_R(0.35)};
@@ -142,9 +142,9 @@ static void bench_step(const formats_surface *surface, int with_skin) {
         dgfem_body_destroy(body);
         if (status) return;
     }
-    printf("bunny of 11 cells%s: ordinary step %.2f, cut of %d elements %.2f, step that cuts %.2f: %.2f ordinary "
+    printf("bunny of 11 cells, %s%s: ordinary step %.2f, cut of %d elements %.2f, step that cuts %.2f: %.2f ordinary "
            "ones; %d elements after it\n",
-           with_skin ? " with skin" : "", 1e3 * ordinary, split, 1e3 * cut, 1e3 * cutting, cutting / ordinary,
+           name, with_skin ? ", with skin" : "", 1e3 * ordinary, split, 1e3 * cut, 1e3 * cutting, cutting / ordinary,
            elements);
 }
 
@@ -154,8 +154,10 @@ int main(void) {
     if (file) fclose(file);
     if (!model_read(file ? "build/bunny.obj" : NULL, &surface)) return 1;
     bench_size(&surface);
-    bench_step(&surface, 0);
-    bench_step(&surface, 1);
+    for (int with_skin = 0; with_skin < 2; with_skin++) {
+        bench_step(&surface, DGFEM_SOLVER_CHOLESKY, "Cholesky", with_skin);
+        bench_step(&surface, DGFEM_SOLVER_AUTO, "automatic", with_skin);
+    }
     formats_free_surface(&surface);
     return 0;
 }

@@ -337,7 +337,7 @@ static void test_bad_cells(void **state) {
     take_reference(&s, &mvc_references[1]);
     check_status(dgfem_mvc_coordinates(NULL, x, values, NULL), DGFEM_ERROR_ARGUMENT);
     check_status(dgfem_mvc_coordinates(&s.cell, x, NULL, NULL), DGFEM_ERROR_ARGUMENT);
-    check_status(dgfem_mvc_coordinates(&s.cell, vec3(0, NAN, 0), values, NULL), DGFEM_ERROR_NOT_FINITE);
+    check_status(dgfem_mvc_coordinates(&s.cell, vec3(0, (double)NAN, 0), values, NULL), DGFEM_ERROR_NOT_FINITE);
     s.triangles[4] = 6;
     check_status(dgfem_mvc_coordinates(&s.cell, x, values, NULL), DGFEM_ERROR_INDEX);
     s.triangles[4] = -1;

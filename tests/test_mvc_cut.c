@@ -326,6 +326,42 @@ static void test_conditions_follow(void **state) {
     dgfem_mvc_destroy(body);
 }
 
+/* Copies of a node share its force and its spring, however often it is listed. */
+static void test_shares_follow(void **state) {
+    (void)state;
+    dgfem_mvc *body = box_of(2, 2, 2);
+    int nodes[3], force, pin;
+    for (int i = 0; i < 3; i++)
+        nodes[i] = dgfem_mvc_nearest_node(body, i ? vec3(0.5, 0.5, 0.5) : vec3(1, 1, 1)); /* the second one twice */
+    check_status(dgfem_mvc_set_gravity(body, vec3(0, 0, 0)), DGFEM_OK);
+    check_status(dgfem_mvc_add_force(body, nodes, 3, vec3(1, 2, 3), &force), DGFEM_OK);
+    check_status(dgfem_mvc_pin(body, nodes[1], 7, &pin), DGFEM_OK);
+    cut(body, plane_at(0, 0, 1, 0.5));
+    cut(body, plane_at(1, 0, 0, 0.5));
+    dgfem_vec3 *out = (dgfem_vec3 *)malloc((size_t)body->node_count * sizeof *out), sum = vec3(0, 0, 0);
+    assert_non_null(out);
+    check_status(dgfem_mvc_external_force(body, out), DGFEM_OK);
+    for (int i = 0; i < body->node_count; i++) {
+        int is_middle =
+            (double)body->rest[i].x == 0.5 && (double)body->rest[i].y == 0.5 && (double)body->rest[i].z == 0.5;
+        int is_corner = (double)body->rest[i].x == 1 && (double)body->rest[i].y == 1 && (double)body->rest[i].z == 1;
+        check_near(out[i].y, is_middle ? 2 * 2.0 / 4 : is_corner ? 2 : 0, 1e-6); /* four copies */
+        sum.x += out[i].x, sum.y += out[i].y, sum.z += out[i].z;
+    }
+    check_near3(sum, vec3(3, 6, 9), 1e-5);
+    assert_int_equal(body->condition_count, 2);
+    assert_int_equal(body->conditions[0].count, 1 + 2 * 4);
+    assert_int_equal(body->conditions[1].count, 4);
+    for (int i = 0; i < 4; i++) {
+        const dgfem_mvc_condition *spring = &body->conditions[1];
+        check_near(spring->share[i], 0.25, 1e-6);
+        check_near3(body->rest[spring->items[i]], vec3(0.5, 0.5, 0.5), 0);
+        for (int j = 0; j < i; j++) assert_int_not_equal(spring->items[i], spring->items[j]);
+    }
+    free(out);
+    dgfem_mvc_destroy(body);
+}
+
 typedef struct told {
     int calls, elements;
     double volume;
@@ -688,7 +724,8 @@ static dgfem_status random_cut(check_random *random, dgfem_mvc *body, int *remov
 /* Planes, polygons and surfaces, a third of them through nodes on purpose: no failure, no lost volume. */
 static void test_random_cuts(void **state) {
     (void)state;
-    int wanted = check_long() ? (DGFEM_REAL_IS_FLOAT ? 2000 : 10000) : DGFEM_REAL_IS_FLOAT ? 20 : 60, cuts = 0, removed = 0, most = 0;
+    int wanted = check_long() ? (DGFEM_REAL_IS_FLOAT ? 2000 : 10000) : DGFEM_REAL_IS_FLOAT ? 20 : 60;
+    int cuts = 0, removed = 0, most = 0;
     double worst = 0, tolerance = DGFEM_REAL_IS_FLOAT ? 1e-4 : 1e-10;
     for (int run = 0; cuts < wanted; run++) {
         check_random random;
@@ -758,6 +795,7 @@ static void test_every_failing_allocation(void **state) {
         desc.hooks = check_hooks(&host);
         dgfem_mvc *body = mvc_of(&desc, mvc_grid(2, 1, 1, 1, 1, 1));
         check_status(dgfem_mvc_fix_nodes(body, &node, 1, DGFEM_MVC_XYZ, vec3(0, 0, 0), &id), DGFEM_OK);
+        check_status(dgfem_mvc_pin(body, node, 1, NULL), DGFEM_OK);
         thin.snap = 0;
         for (int i = 0; k == 3 && i < 2; i++)
             check_status(dgfem_mvc_split_plane(body, plane_at(0, 0, 1, 0.5 + 0.01 * i), &thin, NULL), DGFEM_OK);
@@ -795,6 +833,9 @@ static void test_bad_cuts(void **state) {
     check_status(dgfem_mvc_cut_plane(NULL, plane_at(0, 0, 1, 0.5), NULL, NULL), DGFEM_ERROR_ARGUMENT);
     check_status(dgfem_mvc_cut_plane(body, plane_at(0, 0, 0, 0.5), NULL, NULL), DGFEM_ERROR_ARGUMENT);
     check_logged(&host, "normal is zero");
+    check_status(dgfem_mvc_cut_plane(body, plane_at(0, 0, DGFEM_REAL_IS_FLOAT ? 1e30 : 1e200, 0.5), NULL, NULL),
+                 DGFEM_ERROR_NOT_FINITE);
+    check_logged(&host, "length of the plane's normal");
     check_status(dgfem_mvc_cut_plane(body, plane_at(0, 0, 1, (double)NAN), NULL, NULL), DGFEM_ERROR_NOT_FINITE);
     check_logged(&host, "plane");
     bad.cookie = 0;
@@ -841,6 +882,7 @@ int main(void) {
         cmocka_unit_test(test_slabs_and_needles),
         cmocka_unit_test(test_current_blade),
         cmocka_unit_test(test_conditions_follow),
+        cmocka_unit_test(test_shares_follow),
         cmocka_unit_test(test_pieces_are_told),
         cmocka_unit_test(test_nothing_to_cut),
         cmocka_unit_test(test_what_cannot_be_split),

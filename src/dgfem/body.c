@@ -228,6 +228,8 @@ static dgfem_status dgfemi_body_create_factor(dgfem_body *body, const dgfem_step
     if (solver == DGFEM_SOLVER_AUTO && former) {
         body->step_solver->factor_work = former->factor_work;
         body->step_solver->solve_work = former->solve_work;
+        body->step_solver->stale_cost = former->stale_cost;
+        body->step_solver->sweeps_cost = former->sweeps_cost;
     } else if (solver != DGFEM_SOLVER_PCG && solver != DGFEM_SOLVER_SWEEPS) {
         status = dgfemi_analyse_body(body);
     }

@@ -43,17 +43,17 @@ typedef struct dgfem_mvc_desc {
     dgfem_material material;         /* default 1e6 Pa, 0.3, 1000 kg/m^3 */
     const dgfem_material *materials; /* [elements] or NULL: `material` everywhere */
     dgfem_mvc_quadrature quadrature; /* default TET4 */
-    dgfem_real stabilisation;     /* alpha: stiffness alpha mu h of motions beyond linear ones, for elements with very
-                                        short edges; default 0, helpful 0.1 */
-    int b_bar;                    /* 1: volume change as its mean in each element, against locking of nearly
+    dgfem_real stabilisation;        /* alpha: stiffness alpha mu h of motions beyond linear ones, for elements with
+                                        very short edges; default 0, helpful 0.1 */
+    int b_bar;                       /* 1: volume change as its mean in each element, against locking of nearly
                                         incompressible materials; default 0 */
-    dgfem_vec3 gravity;           /* default 0 0 -9.81 m/s^2 */
-    dgfem_real damping_mass;      /* Rayleigh alpha, 1/s; default 0 */
-    dgfem_real damping_stiffness; /* Rayleigh beta, s; default 0 */
-    int warp;                     /* 1: stiffness warping (default); 0: linear elasticity */
-    dgfem_solver solver;          /* default Cholesky */
-    dgfem_real solver_tolerance;  /* of PCG; default 1e-6 (float: 1e-4) */
-    int solver_iterations;        /* of PCG at most; default 1000 */
+    dgfem_vec3 gravity;              /* default 0 0 -9.81 m/s^2 */
+    dgfem_real damping_mass;         /* Rayleigh alpha, 1/s; default 0 */
+    dgfem_real damping_stiffness;    /* Rayleigh beta, s; default 0 */
+    int warp;                        /* 1: stiffness warping (default); 0: linear elasticity */
+    dgfem_solver solver;             /* DGFEM_SOLVER_CHOLESKY (default) or DGFEM_SOLVER_PCG; others are refused */
+    dgfem_real solver_tolerance;     /* of PCG; default 1e-6 (float: 1e-4) */
+    int solver_iterations;           /* of PCG at most; default 1000 */
     dgfem_hooks hooks;
 } dgfem_mvc_desc;
 
@@ -289,8 +289,8 @@ DGFEM_API dgfem_status dgfem_mvc_split_element(dgfem_mvc *body, int element, dgf
 DGFEM_API dgfem_status dgfem_mvc_cut_plane(dgfem_mvc *body, dgfem_plane plane, const dgfem_mvc_cut_desc *desc,
                                            dgfem_mvc_cut_info *info);
 
-/* Cuts inside a planar polygon, convex or not, in either sense; elements it meets are split along its plane, and their parts
-   stay connected outside of it. */
+/* Cuts inside a planar polygon, convex or not, in either sense; elements it meets are split along its plane, and their
+   parts stay connected outside of it. */
 DGFEM_API dgfem_status dgfem_mvc_cut_polygon(dgfem_mvc *body, dgfem_points_in polygon, const dgfem_mvc_cut_desc *desc,
                                              dgfem_mvc_cut_info *info);
 

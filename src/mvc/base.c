@@ -101,8 +101,7 @@ static void dgfem_mvci_scratch_free(dgfem_mvci_scratch *scratch) {
 
 /* fn for ranges of 0 <= i < count, in the caller's threads where there are any. */
 static void dgfem_mvci_run(const dgfem_hooks *hooks, int count, int grain, dgfem_range_fn fn, void *context) {
-    if (hooks->parallel_for && count > grain)
-        hooks->parallel_for(hooks->parallel_for_user, count, grain, fn, context);
+    if (hooks->parallel_for && count > grain) hooks->parallel_for(hooks->parallel_for_user, count, grain, fn, context);
     else fn(context, 0, count);
 }
 

@@ -5,7 +5,6 @@
 /* ---- from the cell complex ---- */
 
 static dgfem_status dgfem_mvci_check_source(const dgfem_mesh *source, const dgfem_hooks *hooks) {
-    if (!source->element_count) return dgfem_mvci_fail(hooks, DGFEM_ERROR_EMPTY, "the mesh has no elements");
     for (int f = 0; f < source->face_count; f++) {
         const dgfem_face *face = &source->faces[f];
         if (face->loop_count != 1)
@@ -195,7 +194,6 @@ static dgfem_status dgfem_mvci_check_element(const dgfem_mvci_mesh *mesh, int e,
     for (int kind = 0; kind < 2; kind++) {
         if (!dgfem_mvci_edges_reset(hooks, edges, 3 * dgfem_mvci_element_corners(mesh, e)))
             return dgfem_mvci_fail_memory(hooks);
-        int used = 0;
         for (int pass = 0; pass < 2; pass++)
             for (int k = 0; k < face_count; k++) {
                 const dgfem_mvci_face *face = &mesh->faces[faces[k] / 2];
@@ -210,7 +208,6 @@ static dgfem_status dgfem_mvci_check_element(const dgfem_mvci_mesh *mesh, int e,
                         return dgfem_mvci_fail(hooks, DGFEM_ERROR_INVARIANT,
                                                "element %d: the edge of nodes %d and %d in face %d %s", e, from, to,
                                                faces[k] / 2, pass ? "has no opposite" : "is there twice");
-                    used++;
                 }
                 if (kind && !pass) triangles += face->triangle_count;
             }

@@ -227,6 +227,8 @@ static dgfem_status dgfem_mvci_check_obstacle(const dgfem_mvc *body, dgfem_shape
     if (!status) status = dgfem_mvci_check_real(body, desc->radius, "radius");
     if (!status && kind == DGFEM_SHAPE_PLANE && !(dgfem_mvci_norm(desc->plane.normal) > 0))
         status = dgfem_mvci_fail(hooks, DGFEM_ERROR_ARGUMENT, "the plane's normal is zero");
+    if (!status && kind == DGFEM_SHAPE_PLANE)
+        status = dgfem_mvci_check_real(body, dgfem_mvci_norm(desc->plane.normal), "length of the plane's normal");
     if (!status && kind == DGFEM_SHAPE_SPHERE && desc->radius == 0)
         status = dgfem_mvci_fail(hooks, DGFEM_ERROR_ARGUMENT, "the sphere's radius is 0");
     return status;

@@ -376,12 +376,6 @@ static int dgfem_mvci_fill(const dgfem_hooks *hooks, dgfem_mvci_ints *ints, int 
     return 1;
 }
 
-static void dgfem_mvci_join(int *parent, int a, int b) {
-    a = dgfem_mvci_root(parent, a), b = dgfem_mvci_root(parent, b);
-    if (a < b) parent[b] = a;
-    else parent[a] = b;
-}
-
 /* The nodes of c->faces, and their regions. 0 when out of memory. */
 static int dgfem_mvci_number_crack(const dgfem_hooks *hooks, const dgfem_mvci_mesh *mesh, dgfem_mvci_cracks *c) {
     c->nodes.count = c->region.count = 0;
@@ -511,13 +505,12 @@ static int dgfem_mvci_fan(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh, dgfem_m
     s->buffer.count = 0;
     if (dgfem_mvci_append(s->hooks, &s->buffer, mesh->loops.data + old.loop, old.count) == DGFEM_NONE) return 0;
     for (int i = 0; i < old.count; i++) {
-        int index = face;
         loop[0] = centre, loop[1] = s->buffer.data[i], loop[2] = s->buffer.data[(i + 1) % old.count];
         if (!i) {
             if (!dgfem_mvci_set_loop(mesh, face, loop, 3)) return 0;
             continue;
         }
-        index = dgfem_mvci_add_face(mesh, old.owner[0], old.owner[1], loop, 3, old.from, old.wall);
+        int index = dgfem_mvci_add_face(mesh, old.owner[0], old.owner[1], loop, 3, old.from, old.wall);
         if (index == DGFEM_NONE || !dgfem_mvci_push(s->hooks, &c->faces, index)) return 0;
         for (int side = 0; side < 2; side++)
             if (!dgfem_mvci_add_element_face(mesh, old.owner[side], index, side)) return 0;

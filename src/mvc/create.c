@@ -46,7 +46,9 @@ static dgfem_status dgfem_mvci_check_desc(const dgfem_mvc_desc *desc) {
     if ((int)desc->quadrature < 0 || desc->quadrature > DGFEM_MVC_PAPER_RAW)
         return dgfem_mvci_fail(hooks, DGFEM_ERROR_ARGUMENT, "unknown quadrature %d", (int)desc->quadrature);
     if (desc->solver != DGFEM_SOLVER_CHOLESKY && desc->solver != DGFEM_SOLVER_PCG)
-        return dgfem_mvci_fail(hooks, DGFEM_ERROR_ARGUMENT, "unknown solver %d", (int)desc->solver);
+        return dgfem_mvci_fail(hooks, DGFEM_ERROR_ARGUMENT,
+                               "solver %d: only DGFEM_SOLVER_CHOLESKY (%d) and DGFEM_SOLVER_PCG (%d) serve here",
+                               (int)desc->solver, (int)DGFEM_SOLVER_CHOLESKY, (int)DGFEM_SOLVER_PCG);
     if (desc->solver_iterations < 1)
         return dgfem_mvci_fail(hooks, DGFEM_ERROR_ARGUMENT, "%d solver_iterations", desc->solver_iterations);
     dgfem_status status = dgfem_mvci_check_scalar(hooks, desc->stabilisation, 0, "stabilisation");

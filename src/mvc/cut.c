@@ -316,6 +316,8 @@ static dgfem_status dgfem_mvci_body_plane(dgfem_mvc *body, int element, dgfem_pl
         return dgfem_mvci_fail(&body->hooks, DGFEM_ERROR_NOT_FINITE, "cut: the plane");
     dgfem_real length = dgfem_mvci_norm(plane.normal);
     if (!(length > 0)) return dgfem_mvci_fail(&body->hooks, DGFEM_ERROR_ARGUMENT, "cut: the plane's normal is zero");
+    if (!dgfem_mvci_is_finite(length))
+        return dgfem_mvci_fail(&body->hooks, DGFEM_ERROR_NOT_FINITE, "cut: the length of the plane's normal");
     dgfem_mvci_job job = dgfem_mvci_job_make(body, desc);
     dgfem_vec3 normal = dgfem_mvci_scale(1 / length, plane.normal);
     dgfem_mvci_blade_axes(&job.blade, normal, dgfem_mvci_scale(plane.offset / length, normal));

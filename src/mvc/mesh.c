@@ -312,6 +312,34 @@ static dgfem_mvci_mesh *dgfem_mvci_mesh_copy(const dgfem_mvci_mesh *mesh) {
     return NULL;
 }
 
+/* ---- classes and lists ---- */
+
+/* The root of the class of i, which is its own parent. */
+static int dgfem_mvci_root(int *parent, int i) {
+    while (parent[i] != i) i = parent[i] = parent[parent[i]];
+    return i;
+}
+
+/* Makes the classes of a and b one, with the lower root. */
+static void dgfem_mvci_join(int *parent, int a, int b) {
+    a = dgfem_mvci_root(parent, a), b = dgfem_mvci_root(parent, b);
+    if (a < b) parent[b] = a;
+    else parent[a] = b;
+}
+
+/* Lists the places of each key, ascending: list[start[k]] up to list[start[k + 1] - 1]. DGFEM_NONE is no key.
+   start[keys + 1] comes zeroed. */
+static void dgfem_mvci_list_places(const int *key, int count, int keys, int *start, int *list) {
+    for (int i = 0; i < count; i++)
+        if (key[i] != DGFEM_NONE) start[key[i] + 1]++;
+    for (int k = 0; k < keys; k++) start[k + 1] += start[k];
+    int total = start[keys];
+    for (int i = count - 1; i >= 0; i--)
+        if (key[i] != DGFEM_NONE) list[--start[key[i] + 1]] = i;
+    for (int k = 0; k < keys; k++) start[k] = start[k + 1]; /* each has come down to its beginning */
+    start[keys] = total;
+}
+
 /* ---- edges ---- */
 
 /* Open addressing from a pair of nodes to a value. Zeroed memory is a table without room. */
@@ -539,7 +567,7 @@ static void dgfem_mvci_mesh_inherit(const dgfem_mvci_mesh *mesh, char *mark) {
     }
 }
 
-static int dgfem_mvci_compact_nodes(dgfem_mvci_mesh *mesh, int *number) {
+static void dgfem_mvci_compact_nodes(dgfem_mvci_mesh *mesh, int *number) {
     int kept = 0;
     for (int i = 0; i < mesh->node_count; i++) number[i] = DGFEM_NONE;
     for (int f = 0; f < mesh->face_count; f++) {
@@ -555,17 +583,15 @@ static int dgfem_mvci_compact_nodes(dgfem_mvci_mesh *mesh, int *number) {
         number[i] = kept++;
     }
     mesh->node_count = kept;
-    return kept;
 }
 
-static int dgfem_mvci_compact_elements(dgfem_mvci_mesh *mesh, int *number) {
+static void dgfem_mvci_compact_elements(dgfem_mvci_mesh *mesh, int *number) {
     int kept = 0;
     for (int e = 0; e < mesh->element_count; e++) {
         number[e] = mesh->elements[e].face_count ? kept : DGFEM_NONE;
         if (mesh->elements[e].face_count) mesh->elements[kept++] = mesh->elements[e];
     }
     mesh->element_count = kept;
-    return kept;
 }
 
 /* The live faces, with their loops and triangles in order, into new pools. */
@@ -603,8 +629,8 @@ static int dgfem_mvci_mesh_compact(dgfem_mvci_mesh *mesh) {
              dgfem_mvci_ints_room(&mesh->hooks, &triangles, mesh->triangles.count) &&
              dgfem_mvci_ints_room(&mesh->hooks, &lists, mesh->element_faces.count);
     if (ok) {
-        (void)dgfem_mvci_compact_nodes(mesh, node);
-        (void)dgfem_mvci_compact_elements(mesh, element);
+        dgfem_mvci_compact_nodes(mesh, node);
+        dgfem_mvci_compact_elements(mesh, element);
         dgfem_mvci_compact_faces(mesh, node, element, face, &loops, &triangles);
         for (int e = 0; e < mesh->element_count; e++) {
             dgfem_mvci_element *item = &mesh->elements[e];

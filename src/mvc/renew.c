@@ -6,10 +6,11 @@
 typedef struct dgfem_mvci_transfer {
     const dgfem_mvc *body;
     const dgfem_mvci_mesh *mesh;
-    char *mark;  /* [numbers of nodes] those a condition has, and what inherits it */
-    int *root;   /* [numbers of nodes] the old node that it is a copy of, or DGFEM_NONE */
-    int *copies; /* [old nodes] number of nodes in the new mesh that are it or its copies */
-    int *items;  /* [new nodes or faces] */
+    char *mark;      /* [numbers of nodes] those a condition has, and what inherits it */
+    int *root;       /* [numbers of nodes] the old node that it is a copy of, or DGFEM_NONE */
+    int *copy_start; /* [old nodes + 1] into `copies` */
+    int *copies;     /* [new nodes] those that are an old node or copies of it */
+    int *items;      /* [new nodes or faces] */
 } dgfem_mvci_transfer;
 
 static int dgfem_mvci_transfer_reserve(dgfem_mvci_scratch *scratch, dgfem_mvci_transfer *t) {
@@ -19,9 +20,10 @@ static int dgfem_mvci_transfer_reserve(dgfem_mvci_scratch *scratch, dgfem_mvci_t
     size_t old_most = (size_t)(t->body->node_count > t->body->face_count ? t->body->node_count : t->body->face_count);
     t->mark = (char *)dgfem_mvci_take(scratch, numbers > old_most ? numbers : old_most, 1);
     t->root = (int *)dgfem_mvci_take(scratch, numbers, sizeof(int));
-    t->copies = (int *)dgfem_mvci_take(scratch, (size_t)t->body->node_count, sizeof(int));
+    t->copy_start = (int *)dgfem_mvci_take(scratch, (size_t)t->body->node_count + 1, sizeof(int));
+    t->copies = (int *)dgfem_mvci_take(scratch, (size_t)mesh->node_count, sizeof(int));
     t->items = (int *)dgfem_mvci_take(scratch, most, sizeof(int));
-    return t->mark && t->root && t->copies && t->items;
+    return t->mark && t->root && t->copy_start && t->copies && t->items;
 }
 
 static void dgfem_mvci_trace_copies(dgfem_mvci_transfer *t) {
@@ -31,10 +33,8 @@ static void dgfem_mvci_trace_copies(dgfem_mvci_transfer *t) {
         const int *parent = mesh->births[b].parent;
         t->root[mesh->base_count + b] = parent[1] == DGFEM_NONE ? t->root[parent[0]] : DGFEM_NONE;
     }
-    for (int i = 0; i < mesh->node_count; i++) {
-        int root = t->root[mesh->origin[i]];
-        if (root != DGFEM_NONE) t->copies[root]++;
-    }
+    for (int i = 0; i < mesh->node_count; i++) t->items[i] = t->root[mesh->origin[i]];
+    dgfem_mvci_list_places(t->items, mesh->node_count, t->body->node_count, t->copy_start, t->copies);
 }
 
 /* Fixtures hold what inherits from their nodes. Returns the number of items. */
@@ -60,17 +60,18 @@ static int dgfem_mvci_transfer_faces(dgfem_mvci_transfer *t, const dgfem_mvc_con
     return count;
 }
 
-/* Copies of a node share its force or spring. The number of items, each with its share written to share[]. */
-static int dgfem_mvci_transfer_copies(dgfem_mvci_transfer *t, const dgfem_mvc_condition *condition, dgfem_real *share) {
+/* Copies of a node share its force or spring. Returns the number of items; they and their shares are written unless
+   NULL. A node may be listed often: there may be more items than nodes. */
+static int dgfem_mvci_transfer_copies(const dgfem_mvci_transfer *t, const dgfem_mvc_condition *condition, int *items,
+                                      dgfem_real *share) {
     int count = 0;
-    for (int k = 0; k < condition->count; k++)
-        for (int i = 0; i < t->mesh->node_count; i++) {
-            int node = condition->items[k];
-            if (t->root[t->mesh->origin[i]] != node) continue;
-            if (share) share[count] = condition->share[k] / (dgfem_real)t->copies[node];
-            if (!share) count++;
-            else t->items[count++] = i;
+    for (int k = 0; k < condition->count; k++) {
+        int start = t->copy_start[condition->items[k]], end = t->copy_start[condition->items[k] + 1];
+        for (int i = start; i < end; i++, count++) {
+            if (items) items[count] = t->copies[i];
+            if (share) share[count] = condition->share[k] / (dgfem_real)(end - start);
         }
+    }
     return count;
 }
 
@@ -81,14 +82,11 @@ static int dgfem_mvci_transfer_condition(dgfem_mvci_transfer *t, const dgfem_mvc
     *to = *from;
     to->items = NULL, to->share = NULL;
     if (from->share) {
-        to->count = dgfem_mvci_transfer_copies(t, from, NULL);
+        to->count = dgfem_mvci_transfer_copies(t, from, NULL, NULL);
         to->items = (int *)dgfem_mvci_allocate(hooks, (size_t)to->count, sizeof(int));
         to->share = (dgfem_real *)dgfem_mvci_allocate(hooks, (size_t)to->count, sizeof(dgfem_real));
         if (!to->items || !to->share) return 0;
-        int *items = t->items; /* a node may be listed often: more items than nodes */
-        t->items = to->items;
-        (void)dgfem_mvci_transfer_copies(t, from, to->share);
-        t->items = items;
+        (void)dgfem_mvci_transfer_copies(t, from, to->items, to->share);
         return 1;
     }
     to->count = dgfem_mvci_is_face_load(from) ? dgfem_mvci_transfer_faces(t, from) : dgfem_mvci_transfer_nodes(t, from);

@@ -106,23 +106,14 @@ DGFEM_API dgfem_status dgfem_mvc_step(dgfem_mvc *body, dgfem_real dt, dgfem_mvc_
 
 /* ---- what holds the body ---- */
 
-static int dgfem_mvci_find_root(int *parent, int i) {
-    while (parent[i] != i) i = parent[i] = parent[parent[i]];
-    return i;
-}
-
 /* root[i]: the lowest node that hangs together with node i. */
 static void dgfem_mvci_node_pieces(const dgfem_mvc *body, int *root) {
     const dgfem_mvc_system *system = body->system;
     for (int i = 0; i < body->node_count; i++) root[i] = i;
     for (int e = 0; e < body->element_count; e++)
-        for (int k = system->node_start[e]; k < system->node_start[e + 1]; k++) {
-            int a = dgfem_mvci_find_root(root, system->nodes[system->node_start[e]]);
-            int b = dgfem_mvci_find_root(root, system->nodes[k]);
-            if (a < b) root[b] = a;
-            else root[a] = b;
-        }
-    for (int i = 0; i < body->node_count; i++) root[i] = dgfem_mvci_find_root(root, i);
+        for (int k = system->node_start[e]; k < system->node_start[e + 1]; k++)
+            dgfem_mvci_join(root, system->nodes[system->node_start[e]], system->nodes[k]);
+    for (int i = 0; i < body->node_count; i++) root[i] = dgfem_mvci_root(root, i);
 }
 
 /* The conditions on the rigid motions t + w x (x - centre) / size of one piece, as a Gram matrix over (t, w): a motion

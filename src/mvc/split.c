@@ -353,11 +353,6 @@ static int dgfem_mvci_split_face(dgfem_mvci_splitter *s, dgfem_mvci_mesh *mesh, 
 
 /* ---- elements ---- */
 
-static int dgfem_mvci_root(int *parent, int i) {
-    while (parent[i] != i) i = parent[i] = parent[parent[i]];
-    return i;
-}
-
 /* 1 above, -1 below. A face on the blade belongs to the side on which the element's inside is. */
 static int dgfem_mvci_face_side(const dgfem_mvci_splitter *s, const dgfem_mvci_mesh *mesh, int entry) {
     int count;

@@ -45,27 +45,19 @@ static int dgfem_mvci_is_smooth(const dgfem_mvc *body, const int *triangles, int
 static void dgfem_mvci_surface_vertices(const dgfem_mvc *body, dgfem_mvc_surface *surface, int *start, int *list,
                                         int *root) {
     int corners = 3 * surface->triangle_count;
-    for (int c = 0; c < corners; c++) start[surface->triangles[c] + 1]++, root[c] = c;
-    for (int i = 0; i < body->node_count; i++) start[i + 1] += start[i];
-    for (int c = corners - 1; c >= 0; c--) list[--start[surface->triangles[c] + 1]] = c;
-    for (int i = 0; i < body->node_count; i++) { /* now start[i + 1] is where node i begins */
-        int end = i + 1 < body->node_count ? start[i + 2] : corners;
-        for (int p = start[i + 1]; p < end; p++)
-            for (int q = p + 1; q < end; q++) {
-                if (!dgfem_mvci_is_smooth(body, surface->triangles, list[p], list[q])) continue;
-                int a = dgfem_mvci_find_root(root, list[p]), b = dgfem_mvci_find_root(root, list[q]);
-                if (a < b) root[b] = a;
-                else root[a] = b;
-            }
-    }
+    for (int c = 0; c < corners; c++) root[c] = c;
+    dgfem_mvci_list_places(surface->triangles, corners, body->node_count, start, list);
+    for (int i = 0; i < body->node_count; i++)
+        for (int p = start[i]; p < start[i + 1]; p++)
+            for (int q = p + 1; q < start[i + 1]; q++)
+                if (dgfem_mvci_is_smooth(body, surface->triangles, list[p], list[q]))
+                    dgfem_mvci_join(root, list[p], list[q]);
     for (int c = 0; c < corners; c++) { /* roots come first: list[c] becomes the vertex of root c */
-        int r = dgfem_mvci_find_root(root, c);
-        if (r == c) {
-            surface->node[surface->vertex_count] = surface->triangles[c];
-            list[c] = surface->vertex_count++;
-        }
+        if (dgfem_mvci_root(root, c) != c) continue;
+        surface->node[surface->vertex_count] = surface->triangles[c];
+        list[c] = surface->vertex_count++;
     }
-    for (int c = 0; c < corners; c++) surface->triangles[c] = list[dgfem_mvci_find_root(root, c)];
+    for (int c = 0; c < corners; c++) surface->triangles[c] = list[dgfem_mvci_root(root, c)];
 }
 
 static int dgfem_mvci_surface_fill(const dgfem_mvc *body, dgfem_mvci_scratch *scratch, dgfem_mvc_surface *surface) {

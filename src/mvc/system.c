@@ -49,15 +49,6 @@ static dgfem_real *dgfem_mvci_reals(dgfem_vec3 *x) { return (dgfem_real *)(void 
 
 /* ---- the elements' nodes ---- */
 
-static void dgfem_mvci_list_uses(const dgfem_mvc *body, dgfem_mvc_system *system) {
-    int *start = system->use_start, total = system->node_start[body->element_count];
-    for (int i = 0; i < total; i++) start[system->nodes[i] + 1]++;
-    for (int i = 0; i < body->node_count; i++) start[i + 1] += start[i];
-    for (int i = total - 1; i >= 0; i--) system->uses[--start[system->nodes[i] + 1]] = i;
-    for (int i = 0; i < body->node_count; i++) start[i] = start[i + 1]; /* each has come down to its beginning */
-    start[body->node_count] = total;
-}
-
 /* Fills node_start, nodes, pair_start and makes room for the rest; *points is the largest number of samples times nodes
    of an element, *corners that of nodes or triangles. 0 when out of memory. */
 static int dgfem_mvci_lay_out(const dgfem_mvc *body, dgfem_mvc_system *system, size_t *points, int *corners) {
@@ -96,7 +87,9 @@ static int dgfem_mvci_lay_out(const dgfem_mvc *body, dgfem_mvc_system *system, s
         ok = system->nodes && system->share && system->mean && system->stiffness && system->local &&
              system->use_start && system->uses;
     }
-    if (ok) dgfem_mvci_list_uses(body, system);
+    if (ok)
+        dgfem_mvci_list_places(system->nodes, system->node_start[elements], mesh->node_count, system->use_start,
+                               system->uses);
     dgfem_mvci_scratch_free(&scratch);
     return ok;
 }
@@ -271,8 +264,7 @@ static int dgfem_mvci_list_blocks(const dgfem_mvc *body, dgfem_mvc_system *syste
     size_t pairs = system->pair_start[body->element_count];
     int blocks = matrix->row_start[matrix->block_count];
     DGFEM_ASSERT(matrix->value_start[blocks] == 9 * (size_t)blocks);
-    for (int i = 0; i < body->node_count; i++)
-        system->diagonal[i] = 9 * (size_t)dgfem_mvci_block_index(matrix, i, i);
+    for (int i = 0; i < body->node_count; i++) system->diagonal[i] = 9 * (size_t)dgfem_mvci_block_index(matrix, i, i);
     if (!hooks->parallel_for) {
         system->places = (int *)dgfem_mvci_allocate(hooks, pairs, sizeof(int));
         if (system->places) dgfem_mvci_enter_parts(body, system, 0);

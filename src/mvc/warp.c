@@ -92,8 +92,7 @@ static int dgfem_mvci_follow(const double s[3][3], double size, const dgfem_mat3
     for (int step = 0; step < 8; step++) {
         dgfem_mvci_product3((const double(*)[3])q, s, m);
         double trace = m[0][0] + m[1][1] + m[2][2];
-        for (int i = 0; i < 9; i++)
-            a[i / 3][i % 3] = (i % 4 ? 0 : trace) - (m[i / 3][i % 3] + m[i % 3][i / 3]) / 2;
+        for (int i = 0; i < 9; i++) a[i / 3][i % 3] = (i % 4 ? 0 : trace) - (m[i / 3][i % 3] + m[i % 3][i / 3]) / 2;
         b[0] = m[1][2] - m[2][1], b[1] = m[2][0] - m[0][2], b[2] = m[0][1] - m[1][0];
         if (!dgfem_mvci_solve3((const double(*)[3])a, b, 1e-3 * size, w)) return 0;
         if (square < 1e-18) break; /* the turn before was this short: what is left is its square */
@@ -315,6 +314,5 @@ static void dgfem_mvci_assemble_stiffness(const dgfem_mvc *body, const dgfem_mat
     memset(&pass, 0, sizeof pass);
     pass.body = body, pass.rotation = rotation, pass.factor = factor;
     if (!body->hooks.parallel_for) dgfem_mvci_scatter_stiffness(body, rotation, factor);
-    else
-        dgfem_mvci_run(&body->hooks, matrix->row_start[matrix->block_count], 64, dgfem_mvci_assemble_range, &pass);
+    else dgfem_mvci_run(&body->hooks, matrix->row_start[matrix->block_count], 64, dgfem_mvci_assemble_range, &pass);
 }
