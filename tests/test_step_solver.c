@@ -187,6 +187,32 @@ static void test_rest_is_cheap(void **state) {
     dgfem_body_destroy(body);
 }
 
+/* Factorizations of a bar that spins in long and short steps by turns, after so many steps in which nothing moves. */
+static int factorizations_after_rest(int rest) {
+    dgfem_body_desc desc = dgfem_default_body_desc();
+    dgfem_step_info info;
+    int factorizations = 0;
+    desc.solver = DGFEM_SOLVER_STALE;
+    desc.gravity = vec3(0, 0, 0);
+    dgfem_body *body = make_bar(&desc);
+    for (int step = 0; step < rest; step++) check_status(dgfem_body_step(body, DGFEM_R(0.003), NULL), DGFEM_OK);
+    set_scene(body, SPINS);
+    for (int step = 0; step < 20; step++) {
+        check_status(dgfem_body_step(body, step % 2 ? DGFEM_R(0.03) : DGFEM_R(0.003), &info), DGFEM_OK);
+        factorizations += info.factorizations;
+    }
+    dgfem_body_destroy(body);
+    return factorizations;
+}
+
+/* Steps without an iteration are no credit for more iterations than a factorization is worth. */
+static void test_rest_is_no_credit(void **state) {
+    (void)state;
+    int factorizations = factorizations_after_rest(1);
+    assert_true(factorizations > 2);
+    assert_int_equal(factorizations_after_rest(200), factorizations);
+}
+
 /* A stiffness that is not positive definite: the step names the element and changes nothing; the next one works. */
 static void test_failure_changes_nothing(void **state) {
     (void)state;
@@ -208,14 +234,9 @@ static void test_failure_changes_nothing(void **state) {
         memcpy(kept + body->basis_count, body->velocity, size);
         check_status(dgfem_body_set_eta(body, (dgfem_real)1e-3), DGFEM_OK);
         dgfem_status status = dgfem_body_step(body, DGFEM_R(0.1), &info);
-        if (iterative[k] == DGFEM_SOLVER_SWEEPS) {
-            check_status(status, DGFEM_ERROR_NOT_CONVERGED);
-            check_logged(&host, "velocities");
-        } else {
-            check_status(status, DGFEM_ERROR_NOT_POSITIVE_DEFINITE);
-            check_logged(&host, "pivot of block");
-            assert_in_range(info.failed_element, 0, body->mesh->element_count - 1);
-        }
+        check_status(status, DGFEM_ERROR_NOT_POSITIVE_DEFINITE);
+        check_logged(&host, iterative[k] == DGFEM_SOLVER_SWEEPS ? "diagonal block of element" : "pivot of block");
+        assert_in_range(info.failed_element, 0, body->mesh->element_count - 1);
         assert_memory_equal(kept, body->displacement, size);
         assert_memory_equal(kept + body->basis_count, body->velocity, size);
         check_status(dgfem_body_set_eta(body, 4), DGFEM_OK);
@@ -224,6 +245,31 @@ static void test_failure_changes_nothing(void **state) {
         dgfem_body_destroy(body);
         assert_int_equal(host.live, 0);
     }
+}
+
+/* Sweeps that may not go on: the step tells how far they came and changes nothing. */
+static void test_sweeps_that_do_not_converge(void **state) {
+    check_host host;
+    dgfem_body_desc desc = dgfem_default_body_desc();
+    dgfem_step_info info;
+    (void)state;
+    desc.hooks = check_hooks(&host);
+    desc.solver = DGFEM_SOLVER_SWEEPS;
+    desc.solver_iterations = 2;
+    desc.material.young = (dgfem_real)1e8;
+    dgfem_body *body = make_bar(&desc);
+    clamp(body);
+    check_status(dgfem_body_step(body, DGFEM_R(0.1), &info), DGFEM_ERROR_NOT_CONVERGED);
+    check_logged(&host, "after 2 iterations");
+    assert_int_equal(info.iterations, 2);
+    assert_int_equal(info.failed_element, DGFEM_NONE);
+    check_near(body->time, 0, 0);
+    for (int i = 0; i < body->basis_count; i++) {
+        check_near(body->displacement[i].z, 0, 0);
+        check_near(body->velocity[i].z, 0, 0);
+    }
+    dgfem_body_destroy(body);
+    assert_int_equal(host.live, 0);
 }
 
 /* Once a factorization has been bought no step allocates; before, one that cannot changes nothing. */
@@ -242,7 +288,10 @@ static void test_memory(void **state) {
         host.fail_from = host.calls + 1;
         double time = body->time;
         dgfem_status status = dgfem_body_step(body, DGFEM_R(0.05), NULL);
-        for (int step = 0; step < 10 && !status; step++) time = body->time, status = dgfem_body_step(body, DGFEM_R(0.05), NULL);
+        for (int step = 0; step < 10 && !status; step++) {
+            time = body->time;
+            status = dgfem_body_step(body, DGFEM_R(0.05), NULL);
+        }
         if (status) {
             assert_true(iterative[k] == DGFEM_SOLVER_AUTO);
             check_status(status, DGFEM_ERROR_MEMORY);
@@ -282,7 +331,9 @@ int main(void) {
         cmocka_unit_test(test_a_linear_body_is_factored_once),
         cmocka_unit_test(test_momentum_is_kept),
         cmocka_unit_test(test_rest_is_cheap),
+        cmocka_unit_test(test_rest_is_no_credit),
         cmocka_unit_test(test_failure_changes_nothing),
+        cmocka_unit_test(test_sweeps_that_do_not_converge),
         cmocka_unit_test(test_memory),
         cmocka_unit_test(test_bad_tolerances_are_refused),
     };

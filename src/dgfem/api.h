@@ -575,8 +575,9 @@ typedef struct dgfem_body_desc {
                                         it brakes rigid turning, and takes moving fixtures to stand still */
     int warp;                        /* 1: stiffness warping (default); 0: linear elasticity */
     dgfem_solver solver;             /* default auto */
-    dgfem_real velocity_tolerance;   /* of auto, stale, sweeps: error of the velocities relative to their mean, both as roots of mean
-                                        squares over the mass, or to .01 element radii in a step; default 1e-3 */
+    dgfem_real velocity_tolerance;   /* of auto, stale, sweeps: error of the velocities relative to their mean, both as
+                                        roots of mean squares over the mass, or to .01 element radii in a step;
+                                        default 1e-3 */
     dgfem_real solver_tolerance;     /* of PCG; default 1e-6 (float: 1e-4) */
     int solver_iterations;           /* of PCG and sweeps at most; default 1000 */
     dgfem_hooks hooks;
@@ -587,9 +588,10 @@ typedef struct dgfem_step_info {
     int factorizations;
     int sweeps;               /* static solve: solves with new rotations */
     int contacts;             /* contact points that were active */
-    int failed_element;       /* whose pivot was not positive, or DGFEM_NONE */
-    dgfem_real residual;      /* of PCG; auto, stale, sweeps: estimated error, as in velocity_tolerance; static solve: last relative change of the displacement, without warping the
-                                 relative residual of the linear system */
+    int failed_element;       /* whose pivot or block was not positive (definite), or DGFEM_NONE */
+    dgfem_real residual;      /* of PCG; auto, stale, sweeps: estimated error, as in velocity_tolerance; static solve:
+                                 last relative change of the displacement, without warping the relative residual of the
+                                 linear system */
     double seconds_assemble, seconds_contact, seconds_factor, seconds_solve; /* 0 without a clock */
 } dgfem_step_info;
 
@@ -715,7 +717,7 @@ typedef struct dgfem_body {
     dgfem_forms *forms;
     dgfem_contacts *contacts;
     dgfem_matrix *matrix;
-    dgfem_cholesky *cholesky;
+    dgfem_cholesky *cholesky;       /* NULL with sweeps and PCG, and with auto from a cut to the next factorization */
     dgfem_step_solver *step_solver; /* NULL with Cholesky and PCG */
     dgfem_real *work;
     dgfem_hooks hooks;

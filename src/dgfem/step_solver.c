@@ -380,8 +380,7 @@ static int dgfemi_iterate_with_sweeps(const dgfem_body *body, dgfemi_pcg *cg, do
     dgfemi_ssor_diagonal(&sweeps, cg->r, cg->z);
     rho = dgfemi_vector_dot(size, cg->r, cg->z);
     memcpy(cg->p, cg->z, (size_t)size * sizeof *cg->p);
-    if (rho == 0) *error = 0;
-    if (rho == 0) return 1;
+    if (rho == 0) return *error = 0, 1;
     for (int k = 0; k < limit; k++) {
         double last = rho;
         dgfemi_ssor_backward(&sweeps, cg->p, t, cg->q);
@@ -489,14 +488,15 @@ static int dgfemi_affordable(double price, double rent, double work) {
 static int dgfemi_iterate_stale(dgfem_body *body, dgfemi_pcg *cg, const dgfem_mat3 *rotation, double target,
                                 int *iterations, double *error) {
     dgfem_step_solver *solver = body->step_solver;
-    int before = *iterations, limit = dgfemi_affordable(solver->factor_work, solver->rent, solver->solve_work), good = 0;
+    int before = *iterations, good = 0;
+    int limit = dgfemi_affordable(solver->factor_work, solver->rent, solver->solve_work);
     if (!solver->is_factored) return 0;
     if (solver->rent < solver->factor_work) {
         dgfemi_find_turns(body, rotation);
         good = dgfemi_find_patch(body) &&
                dgfemi_iterate_with_factor(body, cg, target, limit + 1, iterations, error);
         double work = (*iterations - before) * solver->solve_work;
-        solver->rent += work - solver->solve_work;
+        if (work > solver->solve_work) solver->rent += work - solver->solve_work; /* rest is no credit */
         solver->stale_cost += (work - solver->stale_cost) / DGFEM_COST_STEPS;
         if (!good) dgfemi_start_step(body, cg);
     }
@@ -504,11 +504,10 @@ static int dgfemi_iterate_stale(dgfem_body *body, dgfemi_pcg *cg, const dgfem_ma
     return good;
 }
 
-/* The same with sweeps, which may cost as much as a factorization. */
+/* The same with sweeps, which may cost as much as a factorization. Where they fail x begins anew. */
 static int dgfemi_iterate_sweeping(dgfem_body *body, dgfemi_pcg *cg, double target, int *iterations, double *error) {
     dgfem_step_solver *solver = body->step_solver;
     int before = *iterations, limit = dgfemi_affordable(solver->factor_work, 0, solver->sweep_work);
-    if (limit < DGFEM_FEW_SWEEPS) return 0;
     int good = dgfemi_iterate_with_sweeps(body, cg, target / DGFEM_SWEEP_CARE, limit, iterations, error);
     double work = (*iterations - before) * solver->sweep_work;
     if (solver->sweeps_cost == 0) solver->sweeps_cost = work;
@@ -526,13 +525,14 @@ static int dgfemi_iterate_step(dgfem_body *body, dgfemi_pcg *cg, const dgfem_mat
                                           error);
     if (body->desc.solver == DGFEM_SOLVER_STALE)
         return dgfemi_iterate_stale(body, cg, rotation, target, iterations, error);
-    if (solver->sweeps_cost < solver->stale_cost) {
+    int affordable = dgfemi_affordable(solver->factor_work, 0, solver->sweep_work) >= DGFEM_FEW_SWEEPS;
+    if (affordable && solver->sweeps_cost < solver->stale_cost) {
         solver->stale_cost += (dgfemi_guess_cost(solver) - solver->stale_cost) / DGFEM_COST_FADING;
         return dgfemi_iterate_sweeping(body, cg, target, iterations, error);
     }
     solver->sweeps_cost *= 1 - 1 / DGFEM_COST_FADING;
     if (dgfemi_iterate_stale(body, cg, rotation, target, iterations, error)) return 1;
-    return solver->sweeps_cost < solver->factor_work && solver->rent < solver->factor_work &&
+    return affordable && solver->sweeps_cost < solver->factor_work && solver->rent < solver->factor_work &&
            dgfemi_iterate_sweeping(body, cg, target, iterations, error);
 }
 

@@ -106,7 +106,7 @@ typedef struct dgfem_mvc {
     int *tag;                 /* [element_count] tag of the element in desc.mesh; pieces inherit it */
     dgfem_real *volume;       /* [element_count] at rest */
     dgfem_vec3 *centre;       /* [element_count] volume centroid at rest */
-    dgfem_mat3 *rotation;     /* [element_count] from rest, as of the last step or solve */
+    dgfem_mat3 *rotation;     /* [element_count] from rest, as of the last step, solve or dgfem_mvc_set_positions */
     struct dgfem_mvci_mesh *mesh;
     dgfem_mvc_system *system;
     int condition_count, condition_capacity, next_id;
