@@ -6,12 +6,12 @@
 
 static const dgfem_solver iterative[3] = {DGFEM_SOLVER_AUTO, DGFEM_SOLVER_STALE, DGFEM_SOLVER_SWEEPS};
 
-/* A box 4 x 1 x 1 of 12 x 3 x 3 hexahedra. */
+/* A box 4 x 1 x 1 of 10 x 3 x 3 hexahedra. */
 static dgfem_body *make_bar(const dgfem_body_desc *desc) {
     dgfem_grid_desc grid = dgfem_default_grid_desc();
     dgfem_body_desc full = *desc;
     dgfem_body *body;
-    grid.cells[0] = 12, grid.cells[1] = grid.cells[2] = 3;
+    grid.cells[0] = 10, grid.cells[1] = grid.cells[2] = 3;
     grid.lower = vec3(0, 0, 0), grid.upper = vec3(4, 1, 1);
     grid.hooks = desc->hooks;
     check_status(dgfem_mesh_create_grid(&grid, &full.mesh), DGFEM_OK);
@@ -72,7 +72,7 @@ static void set_scene(dgfem_body *body, int scene) {
 
 /* From the same state each step of each solver ends near the exact one's, and costs few factorizations. */
 static void test_velocities_are_within_the_tolerance(void **state) {
-    enum { STEPS = 60 };
+    enum { STEPS = 32 };
     const double dt = 1.0 / 60;
     (void)state;
     for (int scene = 0; scene < SCENES; scene++)
@@ -176,14 +176,15 @@ static void test_rest_is_cheap(void **state) {
     int factorizations = 0;
     dgfem_body *body = make_bar(&desc);
     clamp(body);
-    for (int step = 0; step < 400; step++) {
-        check_status(dgfem_body_step(body, DGFEM_R(0.02), &info), DGFEM_OK);
-        if (step < 300) continue;
+    for (int step = 0; step < 200; step++) {
+        check_status(dgfem_body_step(body, DGFEM_R(0.04), &info), DGFEM_OK);
+        if (step < 150) continue;
         assert_in_range(info.iterations, 0, 2);
         factorizations += info.factorizations;
     }
     assert_in_range(factorizations, 0, 3);
-    assert_true(mean_speed(body, body->velocity) < 2e-3 * 0.01 * 0.29 / 0.02);
+    double noise = 4000 * CHECK_EPSILON; /* of the elastic forces that hold the weight, m/s */
+    assert_true(mean_speed(body, body->velocity) < fmax(2e-3 * 0.01 * 0.29 / 0.04, noise));
     dgfem_body_destroy(body);
 }
 
@@ -210,7 +211,7 @@ static void test_rest_is_no_credit(void **state) {
     (void)state;
     int factorizations = factorizations_after_rest(1);
     assert_true(factorizations > 2);
-    assert_int_equal(factorizations_after_rest(200), factorizations);
+    assert_int_equal(factorizations_after_rest(60), factorizations);
 }
 
 /* A stiffness that is not positive definite: the step names the element and changes nothing; the next one works. */
