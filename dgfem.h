@@ -16072,12 +16072,15 @@ typedef struct dgfemi_pcg {
     double rho;                /* r . P^-1 r */
 } dgfemi_pcg;
 
-/* The residual itself, not as carried along. */
-static void dgfemi_pcg_residual(dgfemi_pcg *s) {
+/* r = b - A x */
+static void dgfemi_residual(const dgfem_matrix *matrix, const dgfem_real *b, const dgfem_real *x, dgfem_real *r) {
     int i;
-    dgfem_matrix_multiply(s->matrix, s->x, s->q);
-    for (i = 0; i < s->matrix->size; i++) s->r[i] = s->b[i] - s->q[i];
+    dgfem_matrix_multiply(matrix, x, r);
+    for (i = 0; i < matrix->size; i++) r[i] = b[i] - r[i];
 }
+
+/* The residual itself, not as carried along. */
+static void dgfemi_pcg_residual(dgfemi_pcg *s) { dgfemi_residual(s->matrix, s->b, s->x, s->r); }
 
 /* The next direction, conjugate to the last one; the first where `last`, the rho of the last one, is 0. Returns 0 on
    breakdown: P is not positive definite, or a number is not finite. */
@@ -19416,12 +19419,6 @@ static void dgfemi_add_turned_solution(const dgfem_body *body, const dgfem_real 
     dgfemi_vector_add(body->matrix->size, 1, turned, z);
 }
 
-/* out = r - A z */
-static void dgfemi_residual_of(const dgfem_matrix *matrix, const dgfem_real *r, const dgfem_real *z, dgfem_real *out) {
-    dgfem_matrix_multiply(matrix, z, out);
-    for (int i = 0; i < matrix->size; i++) out[i] = r[i] - out[i];
-}
-
 /* The elements that contact makes or made stiffer than the turned factorization has them, and the inverses of their
    blocks. 0 when one is not positive definite. */
 static int dgfemi_find_patch(const dgfem_body *body) {
@@ -19496,9 +19493,9 @@ static void dgfemi_apply_factor(void *context, const dgfem_real *r, dgfem_real *
         return;
     }
     dgfemi_sweep_up(body, r, z);
-    dgfemi_residual_of(body->matrix, r, z, rest);
+    dgfemi_residual(body->matrix, r, z, rest);
     dgfemi_add_turned_solution(body, rest, z);
-    dgfemi_residual_of(body->matrix, r, z, rest);
+    dgfemi_residual(body->matrix, r, z, rest);
     dgfemi_sweep_down(body, rest, z);
 }
 

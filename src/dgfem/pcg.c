@@ -123,12 +123,15 @@ typedef struct dgfemi_pcg {
     double rho;                /* r . P^-1 r */
 } dgfemi_pcg;
 
-/* The residual itself, not as carried along. */
-static void dgfemi_pcg_residual(dgfemi_pcg *s) {
+/* r = b - A x */
+static void dgfemi_residual(const dgfem_matrix *matrix, const dgfem_real *b, const dgfem_real *x, dgfem_real *r) {
     int i;
-    dgfem_matrix_multiply(s->matrix, s->x, s->q);
-    for (i = 0; i < s->matrix->size; i++) s->r[i] = s->b[i] - s->q[i];
+    dgfem_matrix_multiply(matrix, x, r);
+    for (i = 0; i < matrix->size; i++) r[i] = b[i] - r[i];
 }
+
+/* The residual itself, not as carried along. */
+static void dgfemi_pcg_residual(dgfemi_pcg *s) { dgfemi_residual(s->matrix, s->b, s->x, s->r); }
 
 /* The next direction, conjugate to the last one; the first where `last`, the rho of the last one, is 0. Returns 0 on
    breakdown: P is not positive definite, or a number is not finite. */

@@ -226,12 +226,6 @@ static void dgfemi_add_turned_solution(const dgfem_body *body, const dgfem_real 
     dgfemi_vector_add(body->matrix->size, 1, turned, z);
 }
 
-/* out = r - A z */
-static void dgfemi_residual_of(const dgfem_matrix *matrix, const dgfem_real *r, const dgfem_real *z, dgfem_real *out) {
-    dgfem_matrix_multiply(matrix, z, out);
-    for (int i = 0; i < matrix->size; i++) out[i] = r[i] - out[i];
-}
-
 /* The elements that contact makes or made stiffer than the turned factorization has them, and the inverses of their
    blocks. 0 when one is not positive definite. */
 static int dgfemi_find_patch(const dgfem_body *body) {
@@ -306,9 +300,9 @@ static void dgfemi_apply_factor(void *context, const dgfem_real *r, dgfem_real *
         return;
     }
     dgfemi_sweep_up(body, r, z);
-    dgfemi_residual_of(body->matrix, r, z, rest);
+    dgfemi_residual(body->matrix, r, z, rest);
     dgfemi_add_turned_solution(body, rest, z);
-    dgfemi_residual_of(body->matrix, r, z, rest);
+    dgfemi_residual(body->matrix, r, z, rest);
     dgfemi_sweep_down(body, rest, z);
 }
 
