@@ -989,6 +989,7 @@ typedef struct dgfem_body {
     int basis_count;           /* sum over all elements; unknowns = 3 * basis_count */
     dgfem_vec3 *displacement;  /* [basis_count] coefficients */
     dgfem_vec3 *velocity;      /* [basis_count] coefficients */
+    dgfem_vec3 *change;        /* [basis_count] of the velocity in the last step; zero before the first */
     dgfem_vec3 *force;         /* [basis_count] sum of tractions, forces and body forces; no gravity, no pressure */
     dgfem_mat3 *rotation;      /* [element_count] as of the last step or solve */
     int *family;               /* [element_count] or NULL: elements that refinement made of one have the same number; else DGFEM_NONE */
@@ -19234,13 +19235,12 @@ struct dgfem_step_solver {
     char *in_patch;         /* [elements] 1 for those that touched something then or touch something now, */
     int *patch;             /* [elements] and their list, ascending */
     int patch_count;
-    dgfem_vec3 *change;     /* [basis functions] of the velocity in the last step; zero at first */
     dgfem_real *vectors;    /* [DGFEMI_STEP_VECTORS * unknowns] */
     dgfem_real *inverse;    /* of the diagonal blocks */
     int *piece;             /* [elements] the piece each belongs to: elements connected by glue */
     int piece_count;
     dgfem_real *gram;       /* [9 * pieces] A, restricted to translations of a piece */
-    dgfem_vec3 *imbalance;  /* [pieces] the residual, likewise */
+    dgfem_vec3 *shift;      /* [pieces] such translations */
 };
 
 /* Work vectors: residual, P^-1 residual, direction, A direction; the residual turned back to A0, or a sweep's other
@@ -19277,12 +19277,11 @@ static void dgfemi_step_solver_destroy(dgfem_step_solver *solver, const dgfem_ho
     dgfemi_free(hooks, solver->touched);
     dgfemi_free(hooks, solver->in_patch);
     dgfemi_free(hooks, solver->patch);
-    dgfemi_free(hooks, solver->change);
     dgfemi_free(hooks, solver->vectors);
     dgfemi_free(hooks, solver->inverse);
     dgfemi_free(hooks, solver->piece);
     dgfemi_free(hooks, solver->gram);
-    dgfemi_free(hooks, solver->imbalance);
+    dgfemi_free(hooks, solver->shift);
     dgfemi_free(hooks, solver);
 }
 
@@ -19295,8 +19294,8 @@ static int dgfemi_step_solver_find_pieces(dgfem_step_solver *solver, const dgfem
     dgfemi_free(hooks, stack);
     if (solver->piece_count == 0) return 0;
     solver->gram = (dgfem_real *)dgfemi_allocate(hooks, 9 * (size_t)solver->piece_count, sizeof(dgfem_real));
-    solver->imbalance = (dgfem_vec3 *)dgfemi_allocate(hooks, (size_t)solver->piece_count, sizeof(dgfem_vec3));
-    return solver->gram && solver->imbalance;
+    solver->shift = (dgfem_vec3 *)dgfemi_allocate(hooks, (size_t)solver->piece_count, sizeof(dgfem_vec3));
+    return solver->gram && solver->shift;
 }
 
 /* Numbers stored in the matrix. */
@@ -19315,11 +19314,10 @@ static dgfem_step_solver *dgfemi_step_solver_create(const dgfem_mesh *mesh, cons
     solver->touched = (char *)dgfemi_allocate_zero(hooks, elements, 1);
     solver->in_patch = (char *)dgfemi_allocate_zero(hooks, elements, 1);
     solver->patch = (int *)dgfemi_allocate(hooks, elements, sizeof(int));
-    solver->change = (dgfem_vec3 *)dgfemi_allocate_zero(hooks, size / 3, sizeof(dgfem_vec3));
     solver->vectors = (dgfem_real *)dgfemi_allocate(hooks, DGFEMI_STEP_VECTORS * size, sizeof(dgfem_real));
     solver->inverse = (dgfem_real *)dgfemi_allocate(hooks, dgfemi_diagonal_size(matrix), sizeof(dgfem_real));
     if (!solver->rotation || !solver->turn || !solver->touched || !solver->in_patch ||
-        !solver->patch || !solver->change || !solver->vectors || !solver->inverse ||
+        !solver->patch || !solver->vectors || !solver->inverse ||
         !dgfemi_step_solver_find_pieces(solver, mesh, hooks)) {
         dgfemi_step_solver_destroy(solver, hooks);
         return NULL;
@@ -19608,26 +19606,31 @@ static void dgfemi_gather_gram(const dgfem_body *body) {
     }
 }
 
-/* Moves each piece as a whole so that the residual has no resultant. */
-static void dgfemi_balance_pieces(const dgfem_body *body, dgfemi_pcg *cg) {
+/* The translation of each piece that takes the resultant from the residual r. */
+static void dgfemi_find_shifts(const dgfem_body *body, const dgfem_real *r) {
     dgfem_step_solver *solver = body->step_solver;
-    dgfem_vec3 *x = (dgfem_vec3 *)(void *)cg->x;
-    const dgfem_vec3 *r = (const dgfem_vec3 *)(const void *)cg->r;
-    dgfemi_pcg_residual(cg);
+    const dgfem_vec3 *force = (const dgfem_vec3 *)(const void *)r;
     dgfemi_gather_gram(body);
-    memset(solver->imbalance, 0, (size_t)solver->piece_count * sizeof *solver->imbalance);
+    memset(solver->shift, 0, (size_t)solver->piece_count * sizeof *solver->shift);
     for (int e = 0; e < body->mesh->element_count; e++) {
-        dgfem_vec3 *sum = &solver->imbalance[solver->piece[e]];
-        *sum = dgfemi_add(*sum, r[body->basis_start[e]]);
+        dgfem_vec3 *sum = &solver->shift[solver->piece[e]];
+        *sum = dgfemi_add(*sum, force[body->basis_start[e]]);
     }
     for (int k = 0; k < solver->piece_count; k++) {
-        dgfem_real *shift = (dgfem_real *)(void *)&solver->imbalance[k], *gram = solver->gram + 9 * (size_t)k;
+        dgfem_real *shift = (dgfem_real *)(void *)&solver->shift[k], *gram = solver->gram + 9 * (size_t)k;
         if (dgfemi_cholesky_dense(gram, 3)) dgfemi_cholesky_dense_solve(gram, 3, shift, 1);
         else memset(shift, 0, 3 * sizeof *shift);
     }
+}
+
+/* Moves each piece as a whole so that the residual r of x would have no resultant. */
+static void dgfemi_balance_pieces(const dgfem_body *body, const dgfem_real *r, dgfem_real *x) {
+    const dgfem_step_solver *solver = body->step_solver;
+    dgfem_vec3 *to = (dgfem_vec3 *)(void *)x;
+    dgfemi_find_shifts(body, r);
     for (int e = 0; e < body->mesh->element_count; e++) {
-        dgfem_vec3 *v = &x[body->basis_start[e]];
-        *v = dgfemi_add(*v, solver->imbalance[solver->piece[e]]);
+        dgfem_vec3 *v = &to[body->basis_start[e]];
+        *v = dgfemi_add(*v, solver->shift[solver->piece[e]]);
     }
 }
 
@@ -19654,12 +19657,14 @@ static dgfem_status dgfemi_factor_step(dgfem_body *body, const dgfem_mat3 *rotat
     return DGFEM_OK;
 }
 
-/* x = the velocities now, moved along their last change so far as lowers the error's energy most. */
+/* x = the velocities now, moved along their last change so far as lowers the error's energy most; before there is one,
+   moved with each piece as a whole. */
 static void dgfemi_start_step(const dgfem_body *body, dgfemi_pcg *cg) {
     size_t size = (size_t)cg->matrix->size;
     memcpy(cg->x, body->velocity, size * sizeof *cg->x);
     dgfemi_pcg_residual(cg);
-    memcpy(cg->p, body->step_solver->change, size * sizeof *cg->p);
+    memcpy(cg->p, body->change, size * sizeof *cg->p);
+    if (dgfemi_vector_is_zero(cg->matrix->size, cg->p)) dgfemi_balance_pieces(body, cg->r, cg->p);
     double descent = dgfemi_vector_dot(cg->matrix->size, cg->p, cg->r);
     if (descent != 0) (void)dgfemi_pcg_advance(cg, descent);
 }
@@ -19760,7 +19765,8 @@ static dgfem_status dgfemi_solve_step(dgfem_body *body, dgfem_real h, const dgfe
         (void)dgfemi_iterate_with_factor(body, &cg, target, 1, &info->iterations, &error);
     }
     info->residual = (dgfem_real)(error / reference);
-    dgfemi_balance_pieces(body, &cg);
+    dgfemi_pcg_residual(&cg);
+    dgfemi_balance_pieces(body, cg.r, cg.x);
     info->seconds_solve += dgfemi_clock(&body->hooks) - start - (info->seconds_factor - factor_before);
     return status;
 }
@@ -19907,8 +19913,9 @@ static int dgfemi_body_allocate_state(dgfem_body *body) {
     size_t n = (size_t)body->basis_count;
     body->displacement = (dgfem_vec3 *)dgfemi_allocate_zero(hooks, n, sizeof(dgfem_vec3));
     body->velocity = (dgfem_vec3 *)dgfemi_allocate_zero(hooks, n, sizeof(dgfem_vec3));
+    body->change = (dgfem_vec3 *)dgfemi_allocate_zero(hooks, n, sizeof(dgfem_vec3));
     body->force = (dgfem_vec3 *)dgfemi_allocate_zero(hooks, n, sizeof(dgfem_vec3));
-    return body->displacement && body->velocity && body->force;
+    return body->displacement && body->velocity && body->change && body->force;
 }
 
 static void dgfemi_body_set_elements(dgfem_body *body, const dgfem_body_desc *desc) {
@@ -20036,6 +20043,7 @@ static void dgfemi_body_free(dgfem_body *body) {
     dgfemi_free(&hooks, body->basis_start);
     dgfemi_free(&hooks, body->displacement);
     dgfemi_free(&hooks, body->velocity);
+    dgfemi_free(&hooks, body->change);
     dgfemi_free(&hooks, body->force);
     dgfemi_free(&hooks, body->family);
     dgfemi_free(&hooks, body->family_parent);
@@ -20768,7 +20776,7 @@ static dgfem_status dgfemi_step(dgfem_body *body, dgfem_real h, dgfem_step_info 
     if (status) return status;
     dgfemi_hold_elements(body, h, 1, NULL, v);
     for (int i = 0; i < body->basis_count; i++) {
-        if (body->step_solver) body->step_solver->change[i] = dgfemi_sub(v[i], body->velocity[i]);
+        body->change[i] = dgfemi_sub(v[i], body->velocity[i]);
         body->displacement[i] = dgfemi_add_scaled(body->displacement[i], h, v[i]);
     }
     memcpy(body->velocity, v, size);
@@ -22075,6 +22083,21 @@ static int dgfemi_renewal_make_families(dgfemi_renewal *r) {
     return 1;
 }
 
+/* The change of the velocity only tells where the next step looks first: a union takes that of its first member. */
+static void dgfemi_renewal_move_change(dgfemi_renewal *r, int element) {
+    const dgfem_body *body = r->body;
+    const dgfemi_field *field = &r->edit->fields[r->field[element]];
+    int source = dgfemi_field_element(r->edit, field);
+    const dgfem_vec3 *change = body->change + body->basis_start[source];
+    dgfem_vec3 moved[DGFEM_MAX_BASIS];
+    if (field->source == DGFEM_NONE) {
+        dgfemi_move_polynomial(field->degree, body->origin[source], body->scale[source], change, field->origin,
+                               field->scale, moved);
+        change = moved;
+    }
+    dgfemi_renewal_move(r, element, change, r->next.change + r->next.basis_start[element]);
+}
+
 static void dgfemi_renewal_move_state(dgfemi_renewal *r) {
     const dgfemi_edit *edit = r->edit;
     dgfem_body *next = &r->next;
@@ -22082,6 +22105,7 @@ static void dgfemi_renewal_move_state(dgfemi_renewal *r) {
         const dgfemi_field *field = &edit->fields[r->field[e]];
         dgfemi_renewal_move(r, e, dgfemi_field_displacement(edit, field), next->displacement + next->basis_start[e]);
         dgfemi_renewal_move(r, e, dgfemi_field_velocity(edit, field), next->velocity + next->basis_start[e]);
+        dgfemi_renewal_move_change(r, e);
     }
 }
 
@@ -22340,6 +22364,7 @@ static void dgfemi_renewal_free_body(dgfemi_renewal *r, dgfem_body *body) {
     dgfemi_free(&hooks, body->basis_start);
     dgfemi_free(&hooks, body->displacement);
     dgfemi_free(&hooks, body->velocity);
+    dgfemi_free(&hooks, body->change);
     dgfemi_free(&hooks, body->force);
     dgfemi_free(&hooks, body->family);
     dgfemi_free(&hooks, body->family_parent);
@@ -22385,7 +22410,7 @@ static dgfem_status dgfemi_renewal_make(dgfemi_renewal *r, dgfemi_edit *edit, dg
     next->revision++; /* what is embedded is embedded in the new revision */
     next->degree = next->basis_start = NULL;
     next->material = NULL, next->origin = NULL, next->scale = NULL, next->rotation = NULL;
-    next->displacement = next->velocity = next->force = NULL;
+    next->displacement = next->velocity = next->change = next->force = NULL;
     next->family = next->family_parent = NULL, next->family_count = 0;
     next->forms = NULL, next->contacts = NULL, next->matrix = NULL, next->cholesky = NULL, next->work = NULL;
     next->step_solver = NULL;

@@ -704,6 +704,7 @@ typedef struct dgfem_body {
     int basis_count;           /* sum over all elements; unknowns = 3 * basis_count */
     dgfem_vec3 *displacement;  /* [basis_count] coefficients */
     dgfem_vec3 *velocity;      /* [basis_count] coefficients */
+    dgfem_vec3 *change;        /* [basis_count] of the velocity in the last step; zero before the first */
     dgfem_vec3 *force;         /* [basis_count] sum of tractions, forces and body forces; no gravity, no pressure */
     dgfem_mat3 *rotation;      /* [element_count] as of the last step or solve */
     int *family;               /* [element_count] or NULL: elements that refinement made of one have the same number; else DGFEM_NONE */

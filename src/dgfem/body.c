@@ -142,8 +142,9 @@ static int dgfemi_body_allocate_state(dgfem_body *body) {
     size_t n = (size_t)body->basis_count;
     body->displacement = (dgfem_vec3 *)dgfemi_allocate_zero(hooks, n, sizeof(dgfem_vec3));
     body->velocity = (dgfem_vec3 *)dgfemi_allocate_zero(hooks, n, sizeof(dgfem_vec3));
+    body->change = (dgfem_vec3 *)dgfemi_allocate_zero(hooks, n, sizeof(dgfem_vec3));
     body->force = (dgfem_vec3 *)dgfemi_allocate_zero(hooks, n, sizeof(dgfem_vec3));
-    return body->displacement && body->velocity && body->force;
+    return body->displacement && body->velocity && body->change && body->force;
 }
 
 static void dgfemi_body_set_elements(dgfem_body *body, const dgfem_body_desc *desc) {
@@ -271,6 +272,7 @@ static void dgfemi_body_free(dgfem_body *body) {
     dgfemi_free(&hooks, body->basis_start);
     dgfemi_free(&hooks, body->displacement);
     dgfemi_free(&hooks, body->velocity);
+    dgfemi_free(&hooks, body->change);
     dgfemi_free(&hooks, body->force);
     dgfemi_free(&hooks, body->family);
     dgfemi_free(&hooks, body->family_parent);

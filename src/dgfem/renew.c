@@ -192,6 +192,21 @@ static int dgfemi_renewal_make_families(dgfemi_renewal *r) {
     return 1;
 }
 
+/* The change of the velocity only tells where the next step looks first: a union takes that of its first member. */
+static void dgfemi_renewal_move_change(dgfemi_renewal *r, int element) {
+    const dgfem_body *body = r->body;
+    const dgfemi_field *field = &r->edit->fields[r->field[element]];
+    int source = dgfemi_field_element(r->edit, field);
+    const dgfem_vec3 *change = body->change + body->basis_start[source];
+    dgfem_vec3 moved[DGFEM_MAX_BASIS];
+    if (field->source == DGFEM_NONE) {
+        dgfemi_move_polynomial(field->degree, body->origin[source], body->scale[source], change, field->origin,
+                               field->scale, moved);
+        change = moved;
+    }
+    dgfemi_renewal_move(r, element, change, r->next.change + r->next.basis_start[element]);
+}
+
 static void dgfemi_renewal_move_state(dgfemi_renewal *r) {
     const dgfemi_edit *edit = r->edit;
     dgfem_body *next = &r->next;
@@ -199,6 +214,7 @@ static void dgfemi_renewal_move_state(dgfemi_renewal *r) {
         const dgfemi_field *field = &edit->fields[r->field[e]];
         dgfemi_renewal_move(r, e, dgfemi_field_displacement(edit, field), next->displacement + next->basis_start[e]);
         dgfemi_renewal_move(r, e, dgfemi_field_velocity(edit, field), next->velocity + next->basis_start[e]);
+        dgfemi_renewal_move_change(r, e);
     }
 }
 
@@ -457,6 +473,7 @@ static void dgfemi_renewal_free_body(dgfemi_renewal *r, dgfem_body *body) {
     dgfemi_free(&hooks, body->basis_start);
     dgfemi_free(&hooks, body->displacement);
     dgfemi_free(&hooks, body->velocity);
+    dgfemi_free(&hooks, body->change);
     dgfemi_free(&hooks, body->force);
     dgfemi_free(&hooks, body->family);
     dgfemi_free(&hooks, body->family_parent);
@@ -502,7 +519,7 @@ static dgfem_status dgfemi_renewal_make(dgfemi_renewal *r, dgfemi_edit *edit, dg
     next->revision++; /* what is embedded is embedded in the new revision */
     next->degree = next->basis_start = NULL;
     next->material = NULL, next->origin = NULL, next->scale = NULL, next->rotation = NULL;
-    next->displacement = next->velocity = next->force = NULL;
+    next->displacement = next->velocity = next->change = next->force = NULL;
     next->family = next->family_parent = NULL, next->family_count = 0;
     next->forms = NULL, next->contacts = NULL, next->matrix = NULL, next->cholesky = NULL, next->work = NULL;
     next->step_solver = NULL;

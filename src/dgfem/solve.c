@@ -169,7 +169,7 @@ static dgfem_status dgfemi_step(dgfem_body *body, dgfem_real h, dgfem_step_info 
     if (status) return status;
     dgfemi_hold_elements(body, h, 1, NULL, v);
     for (int i = 0; i < body->basis_count; i++) {
-        if (body->step_solver) body->step_solver->change[i] = dgfemi_sub(v[i], body->velocity[i]);
+        body->change[i] = dgfemi_sub(v[i], body->velocity[i]);
         body->displacement[i] = dgfemi_add_scaled(body->displacement[i], h, v[i]);
     }
     memcpy(body->velocity, v, size);

@@ -41,13 +41,12 @@ struct dgfem_step_solver {
     char *in_patch;         /* [elements] 1 for those that touched something then or touch something now, */
     int *patch;             /* [elements] and their list, ascending */
     int patch_count;
-    dgfem_vec3 *change;     /* [basis functions] of the velocity in the last step; zero at first */
     dgfem_real *vectors;    /* [DGFEMI_STEP_VECTORS * unknowns] */
     dgfem_real *inverse;    /* of the diagonal blocks */
     int *piece;             /* [elements] the piece each belongs to: elements connected by glue */
     int piece_count;
     dgfem_real *gram;       /* [9 * pieces] A, restricted to translations of a piece */
-    dgfem_vec3 *imbalance;  /* [pieces] the residual, likewise */
+    dgfem_vec3 *shift;      /* [pieces] such translations */
 };
 
 /* Work vectors: residual, P^-1 residual, direction, A direction; the residual turned back to A0, or a sweep's other
@@ -84,12 +83,11 @@ static void dgfemi_step_solver_destroy(dgfem_step_solver *solver, const dgfem_ho
     dgfemi_free(hooks, solver->touched);
     dgfemi_free(hooks, solver->in_patch);
     dgfemi_free(hooks, solver->patch);
-    dgfemi_free(hooks, solver->change);
     dgfemi_free(hooks, solver->vectors);
     dgfemi_free(hooks, solver->inverse);
     dgfemi_free(hooks, solver->piece);
     dgfemi_free(hooks, solver->gram);
-    dgfemi_free(hooks, solver->imbalance);
+    dgfemi_free(hooks, solver->shift);
     dgfemi_free(hooks, solver);
 }
 
@@ -102,8 +100,8 @@ static int dgfemi_step_solver_find_pieces(dgfem_step_solver *solver, const dgfem
     dgfemi_free(hooks, stack);
     if (solver->piece_count == 0) return 0;
     solver->gram = (dgfem_real *)dgfemi_allocate(hooks, 9 * (size_t)solver->piece_count, sizeof(dgfem_real));
-    solver->imbalance = (dgfem_vec3 *)dgfemi_allocate(hooks, (size_t)solver->piece_count, sizeof(dgfem_vec3));
-    return solver->gram && solver->imbalance;
+    solver->shift = (dgfem_vec3 *)dgfemi_allocate(hooks, (size_t)solver->piece_count, sizeof(dgfem_vec3));
+    return solver->gram && solver->shift;
 }
 
 /* Numbers stored in the matrix. */
@@ -122,11 +120,10 @@ static dgfem_step_solver *dgfemi_step_solver_create(const dgfem_mesh *mesh, cons
     solver->touched = (char *)dgfemi_allocate_zero(hooks, elements, 1);
     solver->in_patch = (char *)dgfemi_allocate_zero(hooks, elements, 1);
     solver->patch = (int *)dgfemi_allocate(hooks, elements, sizeof(int));
-    solver->change = (dgfem_vec3 *)dgfemi_allocate_zero(hooks, size / 3, sizeof(dgfem_vec3));
     solver->vectors = (dgfem_real *)dgfemi_allocate(hooks, DGFEMI_STEP_VECTORS * size, sizeof(dgfem_real));
     solver->inverse = (dgfem_real *)dgfemi_allocate(hooks, dgfemi_diagonal_size(matrix), sizeof(dgfem_real));
     if (!solver->rotation || !solver->turn || !solver->touched || !solver->in_patch ||
-        !solver->patch || !solver->change || !solver->vectors || !solver->inverse ||
+        !solver->patch || !solver->vectors || !solver->inverse ||
         !dgfemi_step_solver_find_pieces(solver, mesh, hooks)) {
         dgfemi_step_solver_destroy(solver, hooks);
         return NULL;
@@ -415,26 +412,31 @@ static void dgfemi_gather_gram(const dgfem_body *body) {
     }
 }
 
-/* Moves each piece as a whole so that the residual has no resultant. */
-static void dgfemi_balance_pieces(const dgfem_body *body, dgfemi_pcg *cg) {
+/* The translation of each piece that takes the resultant from the residual r. */
+static void dgfemi_find_shifts(const dgfem_body *body, const dgfem_real *r) {
     dgfem_step_solver *solver = body->step_solver;
-    dgfem_vec3 *x = (dgfem_vec3 *)(void *)cg->x;
-    const dgfem_vec3 *r = (const dgfem_vec3 *)(const void *)cg->r;
-    dgfemi_pcg_residual(cg);
+    const dgfem_vec3 *force = (const dgfem_vec3 *)(const void *)r;
     dgfemi_gather_gram(body);
-    memset(solver->imbalance, 0, (size_t)solver->piece_count * sizeof *solver->imbalance);
+    memset(solver->shift, 0, (size_t)solver->piece_count * sizeof *solver->shift);
     for (int e = 0; e < body->mesh->element_count; e++) {
-        dgfem_vec3 *sum = &solver->imbalance[solver->piece[e]];
-        *sum = dgfemi_add(*sum, r[body->basis_start[e]]);
+        dgfem_vec3 *sum = &solver->shift[solver->piece[e]];
+        *sum = dgfemi_add(*sum, force[body->basis_start[e]]);
     }
     for (int k = 0; k < solver->piece_count; k++) {
-        dgfem_real *shift = (dgfem_real *)(void *)&solver->imbalance[k], *gram = solver->gram + 9 * (size_t)k;
+        dgfem_real *shift = (dgfem_real *)(void *)&solver->shift[k], *gram = solver->gram + 9 * (size_t)k;
         if (dgfemi_cholesky_dense(gram, 3)) dgfemi_cholesky_dense_solve(gram, 3, shift, 1);
         else memset(shift, 0, 3 * sizeof *shift);
     }
+}
+
+/* Moves each piece as a whole so that the residual r of x would have no resultant. */
+static void dgfemi_balance_pieces(const dgfem_body *body, const dgfem_real *r, dgfem_real *x) {
+    const dgfem_step_solver *solver = body->step_solver;
+    dgfem_vec3 *to = (dgfem_vec3 *)(void *)x;
+    dgfemi_find_shifts(body, r);
     for (int e = 0; e < body->mesh->element_count; e++) {
-        dgfem_vec3 *v = &x[body->basis_start[e]];
-        *v = dgfemi_add(*v, solver->imbalance[solver->piece[e]]);
+        dgfem_vec3 *v = &to[body->basis_start[e]];
+        *v = dgfemi_add(*v, solver->shift[solver->piece[e]]);
     }
 }
 
@@ -461,12 +463,14 @@ static dgfem_status dgfemi_factor_step(dgfem_body *body, const dgfem_mat3 *rotat
     return DGFEM_OK;
 }
 
-/* x = the velocities now, moved along their last change so far as lowers the error's energy most. */
+/* x = the velocities now, moved along their last change so far as lowers the error's energy most; before there is one,
+   moved with each piece as a whole. */
 static void dgfemi_start_step(const dgfem_body *body, dgfemi_pcg *cg) {
     size_t size = (size_t)cg->matrix->size;
     memcpy(cg->x, body->velocity, size * sizeof *cg->x);
     dgfemi_pcg_residual(cg);
-    memcpy(cg->p, body->step_solver->change, size * sizeof *cg->p);
+    memcpy(cg->p, body->change, size * sizeof *cg->p);
+    if (dgfemi_vector_is_zero(cg->matrix->size, cg->p)) dgfemi_balance_pieces(body, cg->r, cg->p);
     double descent = dgfemi_vector_dot(cg->matrix->size, cg->p, cg->r);
     if (descent != 0) (void)dgfemi_pcg_advance(cg, descent);
 }
@@ -567,7 +571,8 @@ static dgfem_status dgfemi_solve_step(dgfem_body *body, dgfem_real h, const dgfe
         (void)dgfemi_iterate_with_factor(body, &cg, target, 1, &info->iterations, &error);
     }
     info->residual = (dgfem_real)(error / reference);
-    dgfemi_balance_pieces(body, &cg);
+    dgfemi_pcg_residual(&cg);
+    dgfemi_balance_pieces(body, cg.r, cg.x);
     info->seconds_solve += dgfemi_clock(&body->hooks) - start - (info->seconds_factor - factor_before);
     return status;
 }
