@@ -707,6 +707,8 @@ typedef struct dgfem_matrix_desc {
     dgfem_hooks hooks;
 } dgfem_matrix_desc;
 
+typedef struct dgfem_sharing dgfem_sharing; /* how threads share a product, opaque */
+
 typedef struct dgfem_matrix {
     int block_count;
     int size;             /* number of unknowns */
@@ -716,6 +718,7 @@ typedef struct dgfem_matrix {
     size_t *value_start;  /* [row_start[block_count] + 1] block k: row-major, size(r) x size(column[k]) */
     dgfem_real *values;
     dgfem_vec3 *centres;  /* [block_count] or NULL */
+    dgfem_sharing *sharing; /* NULL where threads share nothing */
     dgfem_hooks hooks;
 } dgfem_matrix;
 
@@ -728,7 +731,7 @@ DGFEM_API void dgfem_matrix_clear(dgfem_matrix *matrix);
    blocks are stored whole and must be symmetric (the factorization reads their lower half only). */
 DGFEM_API dgfem_real *dgfem_matrix_block(const dgfem_matrix *matrix, int row, int column);
 
-/* y = A x; x and y are different vectors of matrix->size. */
+/* y = A x; x and y are different vectors of matrix->size. Large matrices use hooks.parallel_for. */
 DGFEM_API void dgfem_matrix_multiply(const dgfem_matrix *matrix, const dgfem_real *x, dgfem_real *y);
 
 typedef enum dgfem_ordering {
@@ -9170,11 +9173,11 @@ static int dgfemi_product_index(int i, int j) {
 
 /* d/d(axis) of monomial i is (its exponent on the axis) times the monomial returned; DGFEM_NONE where it vanishes. */
 static int dgfemi_derivative_index(int i, int axis) {
-    int e[3];
-    e[0] = dgfemi_exponents[i][0], e[1] = dgfemi_exponents[i][1], e[2] = dgfemi_exponents[i][2];
-    if (e[axis] == 0) return DGFEM_NONE;
-    e[axis]--;
-    return dgfem_monomial_index(e[0], e[1], e[2]);
+    static const signed char index[DGFEM_MAX_BASIS][3] = {
+        {-1, -1, -1}, {0, -1, -1}, {-1, 0, -1}, {-1, -1, 0}, {1, -1, -1}, {2, 1, -1}, {3, -1, 1},
+        {-1, 2, -1},  {-1, 3, 2},  {-1, -1, 3}, {4, -1, -1}, {5, 4, -1},  {6, -1, 4}, {7, 5, -1},
+        {8, 6, 5},    {9, -1, 6},  {-1, 7, -1}, {-1, 8, 7},  {-1, 9, 8},  {-1, -1, 9}};
+    return index[i][axis];
 }
 
 /* values[dgfem_monomial_count(degree)] of all monomials of (x - c)/s. */
@@ -9214,20 +9217,22 @@ static void dgfemi_basis_shift(int degree, dgfem_vec3 c, dgfem_real s, dgfem_vec
                                dgfem_real *t) {
     int n = dgfem_monomial_count(degree);
     dgfem_vec3 d = dgfemi_scale(1 / s, dgfemi_sub(c_new, c));
-    dgfem_real r = s_new / s, power[3][DGFEM_MAX_DEGREE + 1], scale_power[DGFEM_MAX_DEGREE + 1];
-    scale_power[0] = power[0][0] = power[1][0] = power[2][0] = 1;
-    for (int p = 1; p <= degree; p++) {
-        scale_power[p] = scale_power[p - 1] * r;
-        for (int axis = 0; axis < 3; axis++) power[axis][p] = power[axis][p - 1] * dgfemi_axis(d, axis);
+    dgfem_real r = s_new / s, power[3][DGFEM_MAX_DEGREE + 1];
+    dgfem_real factor[3][DGFEM_MAX_DEGREE + 1][DGFEM_MAX_DEGREE + 1]; /* of xi'^b in (d + r xi')^a; 0 where b > a */
+    memset(factor, 0, sizeof factor);
+    for (int axis = 0; axis < 3; axis++) {
+        power[axis][0] = 1;
+        for (int p = 1; p <= degree; p++) power[axis][p] = power[axis][p - 1] * dgfemi_axis(d, axis);
+        for (int a = 0; a <= degree; a++) {
+            dgfem_real scale_power = 1;
+            for (int b = 0; b <= a; b++, scale_power *= r)
+                factor[axis][a][b] = dgfemi_binomial(a, b) * power[axis][a - b] * scale_power;
+        }
     }
     for (int i = 0; i < n; i++)
         for (int k = 0; k < n; k++) {
             const unsigned char *a = dgfemi_exponents[i], *b = dgfemi_exponents[k];
-            dgfem_real value = scale_power[b[0] + b[1] + b[2]];
-            for (int axis = 0; axis < 3; axis++)
-                value = b[axis] > a[axis] ? 0
-                                          : value * dgfemi_binomial(a[axis], b[axis]) * power[axis][a[axis] - b[axis]];
-            t[i * n + k] = value;
+            t[i * n + k] = factor[0][a[0]][b[0]] * factor[1][a[1]][b[1]] * factor[2][a[2]][b[2]];
         }
 }
 
@@ -9480,11 +9485,13 @@ static dgfem_real dgfemi_patch_area(const dgfem_mesh *mesh, int element, int fac
 }
 
 #define DGFEM_MAX_PLANE_BASIS 10 /* in-plane monomials up to DGFEM_MAX_DEGREE */
+#define DGFEM_MAX_LOWER_BASIS 10 /* dgfem_monomial_count(DGFEM_MAX_DEGREE - 1) */
 
 /* Everything about one face in monomials about its own centre, while its integrals are computed. */
 typedef struct dgfemi_face_frame {
-    int degree; /* the larger of both sides */
-    int count;  /* monomials up to degree */
+    int degree;      /* the larger of both sides */
+    int count;       /* monomials up to degree, */
+    int lower_count; /* and up to degree - 1 */
     dgfem_vec3 centre;
     dgfem_real scale;
     dgfem_vec3 axis[2]; /* in-plane principal axes, divided by the scaled radius of gyration along each */
@@ -9492,6 +9499,7 @@ typedef struct dgfemi_face_frame {
     int sides;                                                  /* functions of both sides */
     dgfem_real jump[2 * DGFEM_MAX_BASIS][DGFEM_MAX_BASIS];      /* J_i in face monomials */
     dgfem_real jump_gram[2 * DGFEM_MAX_BASIS][DGFEM_MAX_BASIS]; /* int J_i m_k */
+    dgfem_real gradient[2 * DGFEM_MAX_BASIS][3][DGFEM_MAX_LOWER_BASIS]; /* of N_i in monomials up to degree - 1 */
 } dgfemi_face_frame;
 
 static dgfem_real dgfemi_face_radius(const dgfem_mesh *mesh, const dgfem_face *face) {
@@ -9532,12 +9540,25 @@ static void dgfemi_face_side(dgfemi_face_frame *frame, int first, int degree, dg
         for (int k = 0; k < frame->count; k++) frame->jump[first + i][k] = k < n ? sign * shift[i * n + k] : 0;
 }
 
+/* Each monomial is the derivative of one other along each axis. */
+static void dgfemi_face_gradients(dgfemi_face_frame *frame, int first, int count, dgfem_real sign) {
+    for (int i = first; i < first + count; i++)
+        for (int k = 1; k < frame->count; k++)
+            for (int axis = 0; axis < 3; axis++) {
+                int lower = dgfemi_derivative_index(k, axis);
+                if (lower == DGFEM_NONE) continue;
+                dgfem_real factor = sign * (dgfem_real)dgfemi_exponents[k][axis] / frame->scale;
+                frame->gradient[i][axis][lower] = factor * frame->jump[i][k];
+            }
+}
+
 static void dgfemi_face_frame_set(const dgfem_body *body, const dgfemi_face_form *form, dgfemi_face_frame *frame) {
     const dgfem_face *face = &body->mesh->faces[form->face];
     int a = form->element[0], b = form->element[1];
     frame->degree = body->degree[a];
     if (b != DGFEM_NONE && body->degree[b] > frame->degree) frame->degree = body->degree[b];
     frame->count = dgfem_monomial_count(frame->degree);
+    frame->lower_count = dgfem_monomial_count(frame->degree - 1);
     frame->sides = form->count[0] + form->count[1];
     frame->centre = face->centre;
     frame->scale = dgfemi_face_radius(body->mesh, face);
@@ -9546,19 +9567,20 @@ static void dgfemi_face_frame_set(const dgfem_body *body, const dgfemi_face_form
     dgfemi_face_side(frame, 0, body->degree[a], body->origin[a], body->scale[a], 1);
     if (b != DGFEM_NONE) dgfemi_face_side(frame, form->count[0], body->degree[b], body->origin[b], body->scale[b], -1);
     else dgfemi_face_side(frame, form->count[0], frame->degree, frame->centre, frame->scale, -1);
-    for (int i = 0; i < frame->sides; i++)
-        for (int k = 0; k < frame->count; k++) {
-            dgfem_real sum = 0;
-            for (int l = 0; l < frame->count; l++)
-                sum += frame->jump[i][l] * frame->moments[dgfemi_product_index(k, l)];
-            frame->jump_gram[i][k] = sum;
+    memset(frame->jump_gram, 0, sizeof frame->jump_gram[0] * (size_t)frame->sides);
+    for (int k = 0; k < frame->count; k++)
+        for (int l = 0; l < frame->count; l++) {
+            dgfem_real moment = frame->moments[dgfemi_product_index(k, l)];
+            for (int i = 0; i < frame->sides; i++) frame->jump_gram[i][k] += frame->jump[i][l] * moment;
         }
+    dgfemi_face_gradients(frame, 0, form->count[0], 1);
+    dgfemi_face_gradients(frame, form->count[0], form->count[1], -1);
 }
 
-/* int J_i J_j */
+/* int J_i J_j for j <= i */
 static void dgfemi_face_jump_products(const dgfemi_face_frame *frame, dgfem_real *out) {
     for (int i = 0; i < frame->sides; i++)
-        for (int j = 0; j < frame->sides; j++) {
+        for (int j = 0; j <= i; j++) {
             dgfem_real sum = 0;
             for (int k = 0; k < frame->count; k++) sum += frame->jump_gram[i][k] * frame->jump[j][k];
             out[i * frame->sides + j] = sum;
@@ -9584,7 +9606,8 @@ static int dgfemi_plane_basis(const dgfem_vec3 axis[2], int degree,
     return count;
 }
 
-/* P_ij = R^T Gm^-1 R with R = int b J, Gm = int b b^T. Functions that a thin face cannot tell apart are dropped. */
+/* P_ij for j <= i, P = R^T Gm^-1 R with R = int b J, Gm = int b b^T. Functions that a thin face cannot tell apart are
+   dropped. */
 static void dgfemi_face_projection(const dgfemi_face_frame *frame, dgfem_real *out) {
     dgfem_real basis[DGFEM_MAX_PLANE_BASIS][DGFEM_MAX_BASIS];
     dgfem_real r[DGFEM_MAX_PLANE_BASIS * 2 * DGFEM_MAX_BASIS], gram[DGFEM_MAX_PLANE_BASIS * DGFEM_MAX_PLANE_BASIS];
@@ -9608,20 +9631,14 @@ static void dgfemi_face_projection(const dgfemi_face_frame *frame, dgfem_real *o
     memset(out, 0, (size_t)sides * (size_t)sides * sizeof(dgfem_real));
     for (int m = 0; m < count; m++)
         for (int i = 0; i < sides; i++)
-            for (int j = 0; j < sides; j++) out[i * sides + j] += r[m * sides + i] * r[m * sides + j];
+            for (int j = 0; j <= i; j++) out[i * sides + j] += r[m * sides + i] * r[m * sides + j];
 }
 
-/* q_ij = int J_i grad N_j: i and j count the functions of both sides; `sign` is that of j's side in the jump. */
-static void dgfemi_face_traction_integral(const dgfemi_face_frame *frame, int i, int j, dgfem_real sign,
-                                          dgfem_real out[3]) {
+/* q_ij = int J_i grad N_j: i and j count the functions of both sides. */
+static void dgfemi_face_traction_integral(const dgfemi_face_frame *frame, int i, int j, dgfem_real out[3]) {
     for (int axis = 0; axis < 3; axis++) {
         out[axis] = 0;
-        for (int k = 1; k < frame->count; k++) {
-            int lower = dgfemi_derivative_index(k, axis);
-            if (lower == DGFEM_NONE) continue;
-            out[axis] += (dgfem_real)dgfemi_exponents[k][axis] * frame->jump[j][k] * frame->jump_gram[i][lower];
-        }
-        out[axis] *= sign / frame->scale;
+        for (int k = 0; k < frame->lower_count; k++) out[axis] += frame->gradient[j][axis][k] * frame->jump_gram[i][k];
     }
 }
 
@@ -9632,7 +9649,7 @@ static void dgfemi_face_pair_tractions(const dgfemi_face_frame *frame, const dgf
         int function = k ? i : j, side = function >= form->count[0];
         if (function == (side ? form->count[0] : 0) || !dgfemi_form_has_traction(form, side))
             out[0] = out[1] = out[2] = 0;
-        else dgfemi_face_traction_integral(frame, k ? j : i, function, side ? DGFEM_R(-1) : DGFEM_R(1), out);
+        else dgfemi_face_traction_integral(frame, k ? j : i, function, out);
     }
 }
 
@@ -10404,7 +10421,9 @@ static void DGFEM_PATH(dgfemi_solve_panel_transposed)(const dgfemi_panel *p, dgf
 
 /* ---- products with row-major blocks ---- */
 
-/* With `direct` y += A x, with `transposed` w += A^T z, for `vectors` vectors of columns: the block is read once. */
+/* With `direct` y += A x, with `transposed` w += A^T z, for `vectors` vectors of columns: the block is read once. A^T z
+   is summed up before it is added, so that it makes no difference to the bits whether it is added to w at once, or
+   kept and added later. */
 DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors,
                                                       int direct, int transposed, const dgfem_real *x, dgfem_real *y,
                                                       const dgfem_real *z, dgfem_real *w) {
@@ -10412,8 +10431,8 @@ DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int s
     int i, v, n, k;
     DGFEM_UNROLL
     for (v = 0; v < vectors; v++) {
-        in[v] = DGFEM_V_LOAD((direct ? x : w) + v * DGFEM_V_LANES);
-        out[v] = transposed ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
+        in[v] = direct ? DGFEM_V_LOAD(x + v * DGFEM_V_LANES) : DGFEM_V_ALL(0);
+        out[v] = DGFEM_V_ALL(0);
     }
     for (i = 0; i < rows; i++, a += stride) {
         if (transposed) {
@@ -10434,8 +10453,10 @@ DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int s
         }
     }
     DGFEM_UNROLL
-    for (v = 0; v < vectors; v++)
-        if (transposed) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
+    for (v = 0; v < vectors; v++) {
+        dgfem_real *to = w + v * DGFEM_V_LANES;
+        if (transposed) DGFEM_V_STORE(to, DGFEM_V_ADD(DGFEM_V_LOAD(to), out[v]));
+    }
 }
 
 /* The same for all columns that vectors hold; returns the first column that is left. */
@@ -10460,12 +10481,15 @@ static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int
     if (x && z) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 1, x, y, z, w);
     else if (x) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 0, x, y, NULL, NULL);
     else j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 0, 1, NULL, NULL, z, w);
-    for (; j < columns; j++)
+    for (; j < columns; j++) {
+        dgfem_real sum = 0;
         for (i = 0; i < rows; i++) {
             dgfem_real value = a[(size_t)i * (size_t)columns + (size_t)j];
             if (x) y[i] += value * x[j];
-            if (z) w[j] += value * z[i];
+            if (z) sum += value * z[i];
         }
+        if (z) w[j] += sum;
+    }
 }
 
 /* ---- 3x3 matrices ---- */
@@ -11031,7 +11055,9 @@ static void DGFEM_PATH(dgfemi_solve_panel_transposed)(const dgfemi_panel *p, dgf
 
 /* ---- products with row-major blocks ---- */
 
-/* With `direct` y += A x, with `transposed` w += A^T z, for `vectors` vectors of columns: the block is read once. */
+/* With `direct` y += A x, with `transposed` w += A^T z, for `vectors` vectors of columns: the block is read once. A^T z
+   is summed up before it is added, so that it makes no difference to the bits whether it is added to w at once, or
+   kept and added later. */
 DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors,
                                                       int direct, int transposed, const dgfem_real *x, dgfem_real *y,
                                                       const dgfem_real *z, dgfem_real *w) {
@@ -11039,8 +11065,8 @@ DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int s
     int i, v, n, k;
     DGFEM_UNROLL
     for (v = 0; v < vectors; v++) {
-        in[v] = DGFEM_V_LOAD((direct ? x : w) + v * DGFEM_V_LANES);
-        out[v] = transposed ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
+        in[v] = direct ? DGFEM_V_LOAD(x + v * DGFEM_V_LANES) : DGFEM_V_ALL(0);
+        out[v] = DGFEM_V_ALL(0);
     }
     for (i = 0; i < rows; i++, a += stride) {
         if (transposed) {
@@ -11061,8 +11087,10 @@ DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int s
         }
     }
     DGFEM_UNROLL
-    for (v = 0; v < vectors; v++)
-        if (transposed) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
+    for (v = 0; v < vectors; v++) {
+        dgfem_real *to = w + v * DGFEM_V_LANES;
+        if (transposed) DGFEM_V_STORE(to, DGFEM_V_ADD(DGFEM_V_LOAD(to), out[v]));
+    }
 }
 
 /* The same for all columns that vectors hold; returns the first column that is left. */
@@ -11087,12 +11115,15 @@ static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int
     if (x && z) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 1, x, y, z, w);
     else if (x) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 0, x, y, NULL, NULL);
     else j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 0, 1, NULL, NULL, z, w);
-    for (; j < columns; j++)
+    for (; j < columns; j++) {
+        dgfem_real sum = 0;
         for (i = 0; i < rows; i++) {
             dgfem_real value = a[(size_t)i * (size_t)columns + (size_t)j];
             if (x) y[i] += value * x[j];
-            if (z) w[j] += value * z[i];
+            if (z) sum += value * z[i];
         }
+        if (z) w[j] += sum;
+    }
 }
 
 /* ---- 3x3 matrices ---- */
@@ -11652,7 +11683,9 @@ static void DGFEM_PATH(dgfemi_solve_panel_transposed)(const dgfemi_panel *p, dgf
 
 /* ---- products with row-major blocks ---- */
 
-/* With `direct` y += A x, with `transposed` w += A^T z, for `vectors` vectors of columns: the block is read once. */
+/* With `direct` y += A x, with `transposed` w += A^T z, for `vectors` vectors of columns: the block is read once. A^T z
+   is summed up before it is added, so that it makes no difference to the bits whether it is added to w at once, or
+   kept and added later. */
 DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors,
                                                       int direct, int transposed, const dgfem_real *x, dgfem_real *y,
                                                       const dgfem_real *z, dgfem_real *w) {
@@ -11660,8 +11693,8 @@ DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int s
     int i, v, n, k;
     DGFEM_UNROLL
     for (v = 0; v < vectors; v++) {
-        in[v] = DGFEM_V_LOAD((direct ? x : w) + v * DGFEM_V_LANES);
-        out[v] = transposed ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
+        in[v] = direct ? DGFEM_V_LOAD(x + v * DGFEM_V_LANES) : DGFEM_V_ALL(0);
+        out[v] = DGFEM_V_ALL(0);
     }
     for (i = 0; i < rows; i++, a += stride) {
         if (transposed) {
@@ -11682,8 +11715,10 @@ DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int s
         }
     }
     DGFEM_UNROLL
-    for (v = 0; v < vectors; v++)
-        if (transposed) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
+    for (v = 0; v < vectors; v++) {
+        dgfem_real *to = w + v * DGFEM_V_LANES;
+        if (transposed) DGFEM_V_STORE(to, DGFEM_V_ADD(DGFEM_V_LOAD(to), out[v]));
+    }
 }
 
 /* The same for all columns that vectors hold; returns the first column that is left. */
@@ -11708,12 +11743,15 @@ static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int
     if (x && z) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 1, x, y, z, w);
     else if (x) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 0, x, y, NULL, NULL);
     else j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 0, 1, NULL, NULL, z, w);
-    for (; j < columns; j++)
+    for (; j < columns; j++) {
+        dgfem_real sum = 0;
         for (i = 0; i < rows; i++) {
             dgfem_real value = a[(size_t)i * (size_t)columns + (size_t)j];
             if (x) y[i] += value * x[j];
-            if (z) w[j] += value * z[i];
+            if (z) sum += value * z[i];
         }
+        if (z) w[j] += sum;
+    }
 }
 
 /* ---- 3x3 matrices ---- */
@@ -12279,7 +12317,9 @@ static void DGFEM_PATH(dgfemi_solve_panel_transposed)(const dgfemi_panel *p, dgf
 
 /* ---- products with row-major blocks ---- */
 
-/* With `direct` y += A x, with `transposed` w += A^T z, for `vectors` vectors of columns: the block is read once. */
+/* With `direct` y += A x, with `transposed` w += A^T z, for `vectors` vectors of columns: the block is read once. A^T z
+   is summed up before it is added, so that it makes no difference to the bits whether it is added to w at once, or
+   kept and added later. */
 DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors,
                                                       int direct, int transposed, const dgfem_real *x, dgfem_real *y,
                                                       const dgfem_real *z, dgfem_real *w) {
@@ -12287,8 +12327,8 @@ DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int s
     int i, v, n, k;
     DGFEM_UNROLL
     for (v = 0; v < vectors; v++) {
-        in[v] = DGFEM_V_LOAD((direct ? x : w) + v * DGFEM_V_LANES);
-        out[v] = transposed ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
+        in[v] = direct ? DGFEM_V_LOAD(x + v * DGFEM_V_LANES) : DGFEM_V_ALL(0);
+        out[v] = DGFEM_V_ALL(0);
     }
     for (i = 0; i < rows; i++, a += stride) {
         if (transposed) {
@@ -12309,8 +12349,10 @@ DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int s
         }
     }
     DGFEM_UNROLL
-    for (v = 0; v < vectors; v++)
-        if (transposed) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
+    for (v = 0; v < vectors; v++) {
+        dgfem_real *to = w + v * DGFEM_V_LANES;
+        if (transposed) DGFEM_V_STORE(to, DGFEM_V_ADD(DGFEM_V_LOAD(to), out[v]));
+    }
 }
 
 /* The same for all columns that vectors hold; returns the first column that is left. */
@@ -12335,12 +12377,15 @@ static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int
     if (x && z) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 1, x, y, z, w);
     else if (x) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 0, x, y, NULL, NULL);
     else j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 0, 1, NULL, NULL, z, w);
-    for (; j < columns; j++)
+    for (; j < columns; j++) {
+        dgfem_real sum = 0;
         for (i = 0; i < rows; i++) {
             dgfem_real value = a[(size_t)i * (size_t)columns + (size_t)j];
             if (x) y[i] += value * x[j];
-            if (z) w[j] += value * z[i];
+            if (z) sum += value * z[i];
         }
+        if (z) w[j] += sum;
+    }
 }
 
 /* ---- 3x3 matrices ---- */
@@ -12908,7 +12953,9 @@ static void DGFEM_PATH(dgfemi_solve_panel_transposed)(const dgfemi_panel *p, dgf
 
 /* ---- products with row-major blocks ---- */
 
-/* With `direct` y += A x, with `transposed` w += A^T z, for `vectors` vectors of columns: the block is read once. */
+/* With `direct` y += A x, with `transposed` w += A^T z, for `vectors` vectors of columns: the block is read once. A^T z
+   is summed up before it is added, so that it makes no difference to the bits whether it is added to w at once, or
+   kept and added later. */
 DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors,
                                                       int direct, int transposed, const dgfem_real *x, dgfem_real *y,
                                                       const dgfem_real *z, dgfem_real *w) {
@@ -12916,8 +12963,8 @@ DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int s
     int i, v, n, k;
     DGFEM_UNROLL
     for (v = 0; v < vectors; v++) {
-        in[v] = DGFEM_V_LOAD((direct ? x : w) + v * DGFEM_V_LANES);
-        out[v] = transposed ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
+        in[v] = direct ? DGFEM_V_LOAD(x + v * DGFEM_V_LANES) : DGFEM_V_ALL(0);
+        out[v] = DGFEM_V_ALL(0);
     }
     for (i = 0; i < rows; i++, a += stride) {
         if (transposed) {
@@ -12938,8 +12985,10 @@ DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int s
         }
     }
     DGFEM_UNROLL
-    for (v = 0; v < vectors; v++)
-        if (transposed) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
+    for (v = 0; v < vectors; v++) {
+        dgfem_real *to = w + v * DGFEM_V_LANES;
+        if (transposed) DGFEM_V_STORE(to, DGFEM_V_ADD(DGFEM_V_LOAD(to), out[v]));
+    }
 }
 
 /* The same for all columns that vectors hold; returns the first column that is left. */
@@ -12964,12 +13013,15 @@ static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int
     if (x && z) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 1, x, y, z, w);
     else if (x) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 0, x, y, NULL, NULL);
     else j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 0, 1, NULL, NULL, z, w);
-    for (; j < columns; j++)
+    for (; j < columns; j++) {
+        dgfem_real sum = 0;
         for (i = 0; i < rows; i++) {
             dgfem_real value = a[(size_t)i * (size_t)columns + (size_t)j];
             if (x) y[i] += value * x[j];
-            if (z) w[j] += value * z[i];
+            if (z) sum += value * z[i];
         }
+        if (z) w[j] += sum;
+    }
 }
 
 /* ---- 3x3 matrices ---- */
@@ -13529,7 +13581,9 @@ static void DGFEM_PATH(dgfemi_solve_panel_transposed)(const dgfemi_panel *p, dgf
 
 /* ---- products with row-major blocks ---- */
 
-/* With `direct` y += A x, with `transposed` w += A^T z, for `vectors` vectors of columns: the block is read once. */
+/* With `direct` y += A x, with `transposed` w += A^T z, for `vectors` vectors of columns: the block is read once. A^T z
+   is summed up before it is added, so that it makes no difference to the bits whether it is added to w at once, or
+   kept and added later. */
 DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors,
                                                       int direct, int transposed, const dgfem_real *x, dgfem_real *y,
                                                       const dgfem_real *z, dgfem_real *w) {
@@ -13537,8 +13591,8 @@ DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int s
     int i, v, n, k;
     DGFEM_UNROLL
     for (v = 0; v < vectors; v++) {
-        in[v] = DGFEM_V_LOAD((direct ? x : w) + v * DGFEM_V_LANES);
-        out[v] = transposed ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
+        in[v] = direct ? DGFEM_V_LOAD(x + v * DGFEM_V_LANES) : DGFEM_V_ALL(0);
+        out[v] = DGFEM_V_ALL(0);
     }
     for (i = 0; i < rows; i++, a += stride) {
         if (transposed) {
@@ -13559,8 +13613,10 @@ DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int s
         }
     }
     DGFEM_UNROLL
-    for (v = 0; v < vectors; v++)
-        if (transposed) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
+    for (v = 0; v < vectors; v++) {
+        dgfem_real *to = w + v * DGFEM_V_LANES;
+        if (transposed) DGFEM_V_STORE(to, DGFEM_V_ADD(DGFEM_V_LOAD(to), out[v]));
+    }
 }
 
 /* The same for all columns that vectors hold; returns the first column that is left. */
@@ -13585,12 +13641,15 @@ static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int
     if (x && z) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 1, x, y, z, w);
     else if (x) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 0, x, y, NULL, NULL);
     else j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 0, 1, NULL, NULL, z, w);
-    for (; j < columns; j++)
+    for (; j < columns; j++) {
+        dgfem_real sum = 0;
         for (i = 0; i < rows; i++) {
             dgfem_real value = a[(size_t)i * (size_t)columns + (size_t)j];
             if (x) y[i] += value * x[j];
-            if (z) w[j] += value * z[i];
+            if (z) sum += value * z[i];
         }
+        if (z) w[j] += sum;
+    }
 }
 
 /* ---- 3x3 matrices ---- */
@@ -13848,6 +13907,126 @@ static int dgfemi_matrix_values(dgfem_matrix *matrix, const dgfem_matrix_desc *d
     return matrix->values != NULL;
 }
 
+/* ---- shared products ---- */
+
+/* A product in chunks of rows, which threads share. A chunk adds to its own rows of y; what its blocks give, transposed,
+   to rows of earlier chunks, it leaves in `sums`, one piece for each such block. When all chunks are done the pieces are
+   added, by the chunk whose rows they are for, in ascending order of the rows that they come from. So every part of y
+   receives its products in the order of a product without chunks. */
+struct dgfem_sharing {
+    int chunk_count;
+    int *row;         /* [chunk_count + 1] first row of each chunk, */
+    size_t *diagonal; /* [chunk_count + 1] and how many numbers the diagonal blocks before it have */
+    size_t *own;      /* [chunk_count + 1] where in sums the pieces of each chunk begin, in the order of its blocks */
+    int *piece_start; /* [chunk_count + 1] and in the lists below, those for each chunk */
+    int *target;      /* of each piece, by rows of y and for each by the rows that they come from: the row, */
+    size_t *place;    /* and where it is in sums */
+    dgfem_real *sums;
+};
+
+enum {
+    DGFEM_LEAST_CHUNK = 1 << 16, /* numbers in a chunk: less is not worth the wait for a thread, */
+    DGFEM_LEAST_CHUNKS = 4,      /* nor is a matrix of so few chunks; */
+    DGFEM_MOST_CHUNKS = 16,      /* and the more chunks, the more pieces */
+    DGFEM_SERIAL_SUMS = 1 << 15  /* so many numbers in pieces are added by one thread */
+};
+
+static void dgfemi_sharing_destroy(dgfem_sharing *sharing, const dgfem_hooks *hooks) {
+    if (!sharing) return;
+    dgfemi_free(hooks, sharing->row);
+    dgfemi_free(hooks, sharing->diagonal);
+    dgfemi_free(hooks, sharing->own);
+    dgfemi_free(hooks, sharing->piece_start);
+    dgfemi_free(hooks, sharing->target);
+    dgfemi_free(hooks, sharing->place);
+    dgfemi_free(hooks, sharing->sums);
+    dgfemi_free(hooks, sharing);
+}
+
+/* Numbers in a diagonal block. */
+static size_t dgfemi_square_of_size(const dgfem_matrix *matrix, int block) {
+    size_t n = (size_t)(matrix->offset[block + 1] - matrix->offset[block]);
+    return n * n;
+}
+
+/* Chunks of about the same number of stored numbers. */
+static void dgfemi_sharing_set_rows(dgfem_sharing *sharing, const dgfem_matrix *matrix) {
+    size_t total = matrix->value_start[matrix->row_start[matrix->block_count]], count = (size_t)sharing->chunk_count;
+    size_t diagonal = 0;
+    int c = 0, r;
+    for (r = 0; r < matrix->block_count; r++)
+        while (c < sharing->chunk_count && matrix->value_start[matrix->row_start[r]] >= total / count * (size_t)c)
+            sharing->row[c++] = r;
+    while (c <= sharing->chunk_count) sharing->row[c++] = matrix->block_count;
+    for (r = 0, c = 0; r <= matrix->block_count; r++) {
+        while (c <= sharing->chunk_count && sharing->row[c] == r) sharing->diagonal[c++] = diagonal;
+        if (r < matrix->block_count) diagonal += dgfemi_square_of_size(matrix, r);
+    }
+}
+
+/* The blocks of chunk c that are coupled to an earlier one have columns < row[c]. Visits them in their order: counts
+   them by their columns in `pieces`, and with `sharing->place` sorts them, pieces[column] being where the next one
+   goes. */
+static void dgfemi_sharing_visit(dgfem_sharing *sharing, const dgfem_matrix *matrix, int *pieces) {
+    size_t at = 0;
+    int c, r, k;
+    for (c = 0; c < sharing->chunk_count; c++) {
+        sharing->own[c] = at;
+        for (r = sharing->row[c]; r < sharing->row[c + 1]; r++)
+            for (k = matrix->row_start[r]; k < matrix->row_start[r + 1] && matrix->column[k] < sharing->row[c]; k++) {
+                int column = matrix->column[k];
+                if (sharing->place) {
+                    sharing->target[pieces[column]] = column;
+                    sharing->place[pieces[column]] = at;
+                }
+                pieces[column]++;
+                at += (size_t)(matrix->offset[column + 1] - matrix->offset[column]);
+            }
+    }
+    sharing->own[c] = at;
+}
+
+/* 0 when out of memory. */
+static int dgfemi_sharing_set_pieces(dgfem_sharing *sharing, const dgfem_matrix *matrix, int *pieces) {
+    const dgfem_hooks *hooks = &matrix->hooks;
+    size_t count;
+    int c;
+    dgfemi_sharing_visit(sharing, matrix, pieces);
+    dgfemi_counts_to_starts(pieces, matrix->block_count);
+    count = (size_t)pieces[matrix->block_count];
+    for (c = 0; c <= sharing->chunk_count; c++) sharing->piece_start[c] = pieces[sharing->row[c]];
+    sharing->target = (int *)dgfemi_allocate(hooks, count, sizeof(int));
+    sharing->place = (size_t *)dgfemi_allocate(hooks, count, sizeof(size_t));
+    sharing->sums = (dgfem_real *)dgfemi_allocate(hooks, sharing->own[sharing->chunk_count], sizeof(dgfem_real));
+    if (!sharing->target || !sharing->place || !sharing->sums) return 0;
+    dgfemi_sharing_visit(sharing, matrix, pieces);
+    return 1;
+}
+
+/* Where the matrix is large enough and the host has threads. 0 when out of memory. */
+static int dgfemi_matrix_share(dgfem_matrix *matrix, dgfemi_arena *arena) {
+    const dgfem_hooks *hooks = &matrix->hooks;
+    size_t chunks = matrix->value_start[matrix->row_start[matrix->block_count]] / DGFEM_LEAST_CHUNK;
+    dgfem_sharing *sharing;
+    int *pieces;
+    if (!hooks->parallel_for || chunks < DGFEM_LEAST_CHUNKS) return 1;
+    if (chunks > DGFEM_MOST_CHUNKS) chunks = DGFEM_MOST_CHUNKS;
+    sharing = (dgfem_sharing *)dgfemi_allocate_zero(hooks, 1, sizeof *sharing);
+    if (!sharing) return 0;
+    matrix->sharing = sharing;
+    sharing->chunk_count = (int)chunks;
+    sharing->row = (int *)dgfemi_allocate(hooks, chunks + 1, sizeof(int));
+    sharing->diagonal = (size_t *)dgfemi_allocate(hooks, chunks + 1, sizeof(size_t));
+    sharing->own = (size_t *)dgfemi_allocate(hooks, chunks + 1, sizeof(size_t));
+    sharing->piece_start = (int *)dgfemi_allocate(hooks, chunks + 1, sizeof(int));
+    pieces = (int *)dgfemi_arena_allocate_zero(arena, (size_t)matrix->block_count + 1, sizeof(int));
+    if (!sharing->row || !sharing->diagonal || !sharing->own || !sharing->piece_start || !pieces) return 0;
+    dgfemi_sharing_set_rows(sharing, matrix);
+    return dgfemi_sharing_set_pieces(sharing, matrix, pieces);
+}
+
+/* ---- the whole matrix ---- */
+
 /* NULL when out of memory. */
 static dgfem_matrix *dgfemi_matrix_build(const dgfem_matrix_desc *desc) {
     dgfemi_arena arena = dgfemi_arena_make(&desc->hooks);
@@ -13862,6 +14041,7 @@ static dgfem_matrix *dgfemi_matrix_build(const dgfem_matrix_desc *desc) {
                                                              sizeof(dgfem_vec3));
             built = matrix->centres != NULL;
         }
+        built = built && dgfemi_matrix_share(matrix, &arena);
     }
     dgfemi_arena_free(&arena);
     if (built) return matrix;
@@ -13892,6 +14072,7 @@ DGFEM_API void dgfem_matrix_destroy(dgfem_matrix *matrix) {
     dgfemi_free(&hooks, matrix->value_start);
     dgfemi_free(&hooks, matrix->values);
     dgfemi_free(&hooks, matrix->centres);
+    dgfemi_sharing_destroy(matrix->sharing, &hooks);
     dgfemi_free(&hooks, matrix);
 }
 
@@ -13951,15 +14132,14 @@ DGFEM_INLINE void dgfemi_strip_multiply(const dgfem_real *a, int stride, int row
     }
 }
 
-/* y += A^T x for one strip. */
+/* y += A^T x for one strip; A^T x is summed up before it is added, as in kernels.c. */
 DGFEM_INLINE void dgfemi_strip_multiply_transposed(const dgfem_real *a, int stride, int rows, int width,
                                                    const dgfem_real *x, dgfem_real *y) {
-    dgfem_real sum[12];
+    dgfem_real sum[12] = {0};
     int i, j;
-    for (j = 0; j < width; j++) sum[j] = y[j];
     for (i = 0; i < rows; i++, a += stride)
         for (j = 0; j < width; j++) sum[j] += a[j] * x[i];
-    for (j = 0; j < width; j++) y[j] = sum[j];
+    for (j = 0; j < width; j++) y[j] += sum[j];
 }
 
 static void dgfemi_block_multiply(const dgfem_real *a, int rows, int columns, const dgfem_real *x, dgfem_real *y) {
@@ -13983,29 +14163,112 @@ static const dgfemi_kernels *dgfemi_product_kernels(void) {
     return dgfemi_kernels_for(DGFEM_REAL_IS_FLOAT ? DGFEM_SIMD_SSE2 : DGFEM_SIMD_AVX2);
 }
 
-/* Every part of y receives its products in ascending order of the block that they come from: first its own row, then,
-   transposed, the rows below. A loop over the parts of y in place of the rows of A, which several threads can share,
-   gives therefore the same bits; it reads each block twice. */
-DGFEM_API void dgfem_matrix_multiply(const dgfem_matrix *matrix, const dgfem_real *x, dgfem_real *y) {
+/* y += A^T x, faster than y += A x: symmetric blocks are better multiplied so. `kernels` may be NULL. */
+static void dgfemi_add_transposed_product(const dgfemi_kernels *kernels, const dgfem_real *block, int rows, int columns,
+                                          const dgfem_real *x, dgfem_real *y) {
+    if (kernels && columns >= 12) kernels->multiply_block(block, rows, columns, NULL, NULL, x, y);
+    else dgfemi_block_multiply_transposed(block, rows, columns, x, y);
+}
+
+/* The rows first <= r < last of A, and their transposes. What is for rows before `first` goes to `sums`, block by
+   block. */
+static void dgfemi_multiply_rows(const dgfem_matrix *matrix, int first, int last, const dgfem_real *x, dgfem_real *y,
+                                 dgfem_real *sums) {
     const dgfemi_kernels *kernels = dgfemi_product_kernels();
     int r, k;
-    if (!matrix || !x || !y) return;
-    memset(y, 0, (size_t)matrix->size * sizeof *y);
-    for (r = 0; r < matrix->block_count; r++) {
+    memset(y + matrix->offset[first], 0, (size_t)(matrix->offset[last] - matrix->offset[first]) * sizeof *y);
+    for (r = first; r < last; r++) {
         int row = matrix->offset[r], rows = dgfemi_block_size(matrix, r);
         for (k = matrix->row_start[r]; k < matrix->row_start[r + 1]; k++) {
             const dgfem_real *block = matrix->values + matrix->value_start[k];
-            int column = matrix->offset[matrix->column[k]], columns = dgfemi_block_size(matrix, matrix->column[k]);
+            int c = matrix->column[k], column = matrix->offset[c], columns = dgfemi_block_size(matrix, c);
+            dgfem_real *transposed = y + column;
+            if (c < first) {
+                transposed = sums;
+                memset(transposed, 0, (size_t)columns * sizeof *transposed);
+                sums += columns;
+            }
             if (kernels && columns >= 12) {
-                int both = column != row;
+                int both = c != r;
                 kernels->multiply_block(block, rows, columns, x + column, y + row, both ? x + row : NULL,
-                                        both ? y + column : NULL);
+                                        both ? transposed : NULL);
                 continue;
             }
             dgfemi_block_multiply(block, rows, columns, x + column, y + row);
-            if (column != row) dgfemi_block_multiply_transposed(block, rows, columns, x + row, y + column);
+            if (c != r) dgfemi_block_multiply_transposed(block, rows, columns, x + row, transposed);
         }
     }
+}
+
+typedef struct dgfemi_shared_product {
+    const dgfem_matrix *matrix;
+    const dgfem_real *x;
+    dgfem_real *y;
+} dgfemi_shared_product;
+
+static void dgfemi_multiply_chunks(void *context, int first, int last) {
+    const dgfemi_shared_product *product = (const dgfemi_shared_product *)context;
+    const dgfem_sharing *sharing = product->matrix->sharing;
+    int c;
+    for (c = first; c < last; c++)
+        dgfemi_multiply_rows(product->matrix, sharing->row[c], sharing->row[c + 1], product->x, product->y,
+                             sharing->sums + sharing->own[c]);
+}
+
+static void dgfemi_add_pieces(void *context, int first, int last) {
+    const dgfemi_shared_product *product = (const dgfemi_shared_product *)context;
+    const dgfem_matrix *matrix = product->matrix;
+    const dgfem_sharing *sharing = matrix->sharing;
+    int k, i;
+    for (k = sharing->piece_start[first]; k < sharing->piece_start[last]; k++) {
+        const dgfem_real *piece = sharing->sums + sharing->place[k];
+        dgfem_real *y = product->y + matrix->offset[sharing->target[k]];
+        for (i = 0; i < dgfemi_block_size(matrix, sharing->target[k]); i++) y[i] += piece[i];
+    }
+}
+
+/* Every part of y receives its products in ascending order of the block that they come from: first its own row, then,
+   transposed, the rows below. */
+DGFEM_API void dgfem_matrix_multiply(const dgfem_matrix *matrix, const dgfem_real *x, dgfem_real *y) {
+    dgfemi_shared_product product;
+    int chunks;
+    if (!matrix || !x || !y) return;
+    if (!matrix->sharing) {
+        dgfemi_multiply_rows(matrix, 0, matrix->block_count, x, y, NULL);
+        return;
+    }
+    product.matrix = matrix, product.x = x, product.y = y;
+    chunks = matrix->sharing->chunk_count;
+    dgfemi_parallel_for(&matrix->hooks, chunks, 1, dgfemi_multiply_chunks, &product);
+    if (matrix->sharing->own[chunks] <= DGFEM_SERIAL_SUMS) dgfemi_add_pieces(&product, 0, chunks);
+    else dgfemi_parallel_for(&matrix->hooks, chunks, 1, dgfemi_add_pieces, &product);
+}
+
+/* A loop over the blocks of a matrix whose results do not depend on each other. `diagonal` is how many numbers the
+   diagonal blocks before `first` have. */
+typedef void (*dgfemi_rows_fn)(void *context, const dgfem_matrix *matrix, int first, int last, size_t diagonal);
+
+typedef struct dgfemi_rows_loop {
+    const dgfem_matrix *matrix;
+    dgfemi_rows_fn fn;
+    void *context;
+} dgfemi_rows_loop;
+
+static void dgfemi_rows_of_chunks(void *context, int first, int last) {
+    const dgfemi_rows_loop *loop = (const dgfemi_rows_loop *)context;
+    const dgfem_sharing *sharing = loop->matrix->sharing;
+    loop->fn(loop->context, loop->matrix, sharing->row[first], sharing->row[last], sharing->diagonal[first]);
+}
+
+/* By the chunks that threads share. */
+static void dgfemi_for_rows(const dgfem_matrix *matrix, dgfemi_rows_fn fn, void *context) {
+    dgfemi_rows_loop loop;
+    if (!matrix->sharing) {
+        fn(context, matrix, 0, matrix->block_count, 0);
+        return;
+    }
+    loop.matrix = matrix, loop.fn = fn, loop.context = context;
+    dgfemi_parallel_for(&matrix->hooks, matrix->sharing->chunk_count, 1, dgfemi_rows_of_chunks, &loop);
 }
 
 /* ==== ordering.c ================================================================================================== */
@@ -16024,13 +16287,24 @@ static int dgfemi_invert_diagonal_block(const dgfem_matrix *matrix, int r, dgfem
     return 1;
 }
 
-/* Inverts all diagonal blocks into `inverse`, one behind the other. Returns a block that is not positive definite, or
-   DGFEM_NONE. */
+static void dgfemi_invert_rows(void *context, const dgfem_matrix *matrix, int first, int last, size_t diagonal) {
+    dgfem_real *inverse = (dgfem_real *)context + diagonal;
+    int r;
+    for (r = first; r < last; r++) {
+        int n = dgfemi_block_size(matrix, r);
+        if (!dgfemi_invert_diagonal_block(matrix, r, inverse)) inverse[0] = (dgfem_real)-1;
+        inverse += n * n;
+    }
+}
+
+/* Inverts all diagonal blocks into `inverse`, one behind the other. Returns the first block that is not positive
+   definite, or DGFEM_NONE. The first element of an inverse tells: it is positive. */
 static int dgfemi_invert_diagonal(const dgfem_matrix *matrix, dgfem_real *inverse) {
     int r;
+    dgfemi_for_rows(matrix, dgfemi_invert_rows, inverse);
     for (r = 0; r < matrix->block_count; r++) {
         int n = dgfemi_block_size(matrix, r);
-        if (!dgfemi_invert_diagonal_block(matrix, r, inverse)) return r;
+        if (!(inverse[0] > 0)) return r;
         inverse += n * n;
     }
     return DGFEM_NONE;
@@ -16048,17 +16322,30 @@ typedef struct dgfemi_jacobi {
     dgfem_real *inverse; /* of the blocks */
 } dgfemi_jacobi;
 
-static void dgfemi_apply_jacobi(void *context, const dgfem_real *r, dgfem_real *z) {
-    const dgfemi_jacobi *jacobi = (const dgfemi_jacobi *)context;
-    const dgfem_matrix *matrix = jacobi->matrix;
-    const dgfem_real *inverse = jacobi->inverse;
+typedef struct dgfemi_jacobi_vectors {
+    const dgfem_real *inverse, *r;
+    dgfem_real *z;
+} dgfemi_jacobi_vectors;
+
+static void dgfemi_apply_jacobi_rows(void *context, const dgfem_matrix *matrix, int first, int last, size_t diagonal) {
+    const dgfemi_jacobi_vectors *vectors = (const dgfemi_jacobi_vectors *)context;
+    const dgfemi_kernels *kernels = dgfemi_product_kernels();
+    const dgfem_real *inverse = vectors->inverse + diagonal;
     int k;
-    memset(z, 0, (size_t)matrix->size * sizeof *z);
-    for (k = 0; k < matrix->block_count; k++) {
-        int n = dgfemi_block_size(matrix, k), first = matrix->offset[k];
-        dgfemi_block_multiply(inverse, n, n, r + first, z + first);
+    memset(vectors->z + matrix->offset[first], 0,
+           (size_t)(matrix->offset[last] - matrix->offset[first]) * sizeof(dgfem_real));
+    for (k = first; k < last; k++) {
+        int n = dgfemi_block_size(matrix, k), at = matrix->offset[k];
+        dgfemi_add_transposed_product(kernels, inverse, n, n, vectors->r + at, vectors->z + at);
         inverse += (size_t)n * (size_t)n;
     }
+}
+
+static void dgfemi_apply_jacobi(void *context, const dgfem_real *r, dgfem_real *z) {
+    const dgfemi_jacobi *jacobi = (const dgfemi_jacobi *)context;
+    dgfemi_jacobi_vectors vectors;
+    vectors.inverse = jacobi->inverse, vectors.r = r, vectors.z = z;
+    dgfemi_for_rows(jacobi->matrix, dgfemi_apply_jacobi_rows, &vectors);
 }
 
 /* ---- iteration ---- */
@@ -16290,13 +16577,6 @@ static void dgfemi_add_product_of(const dgfemi_ssor *s, const dgfem_real *block,
     else dgfemi_block_multiply(block, rows, columns, x, y);
 }
 
-/* y += A^T x */
-static void dgfemi_add_transposed_product(const dgfemi_ssor *s, const dgfem_real *block, int rows, int columns,
-                                          const dgfem_real *x, dgfem_real *y) {
-    if (s->kernels && columns >= 12) s->kernels->multiply_block(block, rows, columns, NULL, NULL, x, y);
-    else dgfemi_block_multiply_transposed(block, rows, columns, x, y);
-}
-
 /* x = (D + L)^-1 x. The diagonal blocks and their inverses are symmetric: transposed products are faster. */
 static void dgfemi_ssor_forward(const dgfemi_ssor *s, dgfem_real *x) {
     const dgfem_matrix *matrix = s->matrix;
@@ -16312,7 +16592,7 @@ static void dgfemi_ssor_forward(const dgfemi_ssor *s, dgfem_real *x) {
                                   sum);
         for (int i = 0; i < n; i++) sum[i] = own[i] - sum[i];
         memset(own, 0, (size_t)n * sizeof *own);
-        dgfemi_add_transposed_product(s, inverse, n, n, sum, own);
+        dgfemi_add_transposed_product(s->kernels, inverse, n, n, sum, own);
         inverse += (size_t)n * (size_t)n;
     }
 }
@@ -16328,23 +16608,37 @@ static void dgfemi_ssor_backward(const dgfemi_ssor *s, const dgfem_real *p, dgfe
         int n = dgfemi_block_size(matrix, r), first = matrix->offset[r];
         inverse -= (size_t)n * (size_t)n;
         for (int i = 0; i < n; i++) difference[i] = p[first + i] - rest[first + i];
-        dgfemi_add_transposed_product(s, inverse, n, n, difference, t + first);
+        dgfemi_add_transposed_product(s->kernels, inverse, n, n, difference, t + first);
         for (int k = matrix->row_start[r]; k < dgfemi_diagonal_index(matrix, r); k++)
-            dgfemi_add_transposed_product(s, matrix->values + matrix->value_start[k], n,
+            dgfemi_add_transposed_product(s->kernels, matrix->values + matrix->value_start[k], n,
                                           dgfemi_block_size(matrix, matrix->column[k]), t + first,
                                           rest + matrix->offset[matrix->column[k]]);
     }
 }
 
+typedef struct dgfemi_ssor_vectors {
+    const dgfem_real *r;
+    dgfem_real *z;
+} dgfemi_ssor_vectors;
+
+static void dgfemi_ssor_diagonal_rows(void *context, const dgfem_matrix *matrix, int first, int last, size_t diagonal) {
+    const dgfemi_ssor_vectors *vectors = (const dgfemi_ssor_vectors *)context;
+    const dgfemi_kernels *kernels = dgfemi_product_kernels();
+    (void)diagonal;
+    memset(vectors->z + matrix->offset[first], 0,
+           (size_t)(matrix->offset[last] - matrix->offset[first]) * sizeof(dgfem_real));
+    for (int k = first; k < last; k++) {
+        int n = dgfemi_block_size(matrix, k), at = matrix->offset[k];
+        dgfemi_add_transposed_product(kernels, matrix->values + matrix->value_start[dgfemi_diagonal_index(matrix, k)],
+                                      n, n, vectors->r + at, vectors->z + at);
+    }
+}
+
 /* z = D r */
 static void dgfemi_ssor_diagonal(const dgfemi_ssor *s, const dgfem_real *r, dgfem_real *z) {
-    const dgfem_matrix *matrix = s->matrix;
-    memset(z, 0, (size_t)matrix->size * sizeof *z);
-    for (int k = 0; k < matrix->block_count; k++) {
-        int n = dgfemi_block_size(matrix, k), first = matrix->offset[k];
-        dgfemi_add_transposed_product(s, matrix->values + matrix->value_start[dgfemi_diagonal_index(matrix, k)], n, n,
-                                      r + first, z + first);
-    }
+    dgfemi_ssor_vectors vectors;
+    vectors.r = r, vectors.z = z;
+    dgfemi_for_rows(s->matrix, dgfemi_ssor_diagonal_rows, &vectors);
 }
 
 /* ==== locate.c ==================================================================================================== */
@@ -21022,33 +21316,24 @@ DGFEM_API dgfem_status dgfem_body_solve_static(dgfem_body *body, const dgfem_sta
    monomial k (rows: components of the traction, columns: b). */
 static void dgfemi_traction_coefficients(const dgfemi_face_frame *frame, int j, dgfem_vec3 n, dgfem_real lambda,
                                          dgfem_real mu, dgfem_mat3 *out) {
-    int lower_count = dgfem_monomial_count(frame->degree - 1);
-    dgfem_vec3 gradient[DGFEM_MAX_BASIS];
-    memset(gradient, 0, sizeof gradient);
-    for (int k = 1; k < frame->count; k++)
-        for (int axis = 0; axis < 3; axis++) {
-            int lower = dgfemi_derivative_index(k, axis);
-            if (lower == DGFEM_NONE) continue;
-            dgfem_real d = (dgfem_real)dgfemi_exponents[k][axis] * frame->jump[j][k] / frame->scale;
-            if (axis == 0) gradient[lower].x += d;
-            if (axis == 1) gradient[lower].y += d;
-            if (axis == 2) gradient[lower].z += d;
-        }
-    memset(out, 0, (size_t)lower_count * sizeof *out);
-    for (int k = 0; k < lower_count; k++) dgfemi_add_elastic(lambda, mu, n, gradient[k], &out[k]);
+    memset(out, 0, (size_t)frame->lower_count * sizeof *out);
+    for (int k = 0; k < frame->lower_count; k++) {
+        const dgfem_real(*g)[DGFEM_MAX_LOWER_BASIS] = frame->gradient[j];
+        dgfemi_add_elastic(lambda, mu, n, dgfemi_vec3(g[0][k], g[1][k], g[2][k]), &out[k]);
+    }
 }
 
-/* a += s int_f T_i^T W T_j for all functions of the element, which is side 0 of the frame. */
-static void dgfemi_add_traction_energy(const dgfemi_face_frame *frame, int count, dgfem_vec3 n, dgfem_real lambda,
+/* a += s int_f T_i^T W T_j for all functions of the element, which begin with `first` in the frame. */
+static void dgfemi_add_traction_energy(const dgfemi_face_frame *frame, int first, int count, dgfem_vec3 n, dgfem_real lambda,
                                        dgfem_real mu, dgfem_real s, dgfem_real *a) {
-    dgfem_mat3 t[DGFEM_MAX_BASIS][10], w;
-    int lower_count = dgfem_monomial_count(frame->degree - 1);
+    dgfem_mat3 t[DGFEM_MAX_BASIS][DGFEM_MAX_LOWER_BASIS], w;
+    int lower_count = frame->lower_count;
     memset(&w, 0, sizeof w);
     w.m[0][0] = w.m[1][1] = w.m[2][2] = s / mu;
     dgfemi_add_outer(&w, s / (lambda + 2 * mu) - s / mu, n, n);
-    for (int j = 0; j < count; j++) dgfemi_traction_coefficients(frame, j, n, lambda, mu, t[j]);
+    for (int j = 0; j < count; j++) dgfemi_traction_coefficients(frame, first + j, n, lambda, mu, t[j]);
     for (int j = 1; j < count; j++) {
-        dgfem_mat3 moment[10]; /* int m_l W T_j */
+        dgfem_mat3 moment[DGFEM_MAX_LOWER_BASIS]; /* int m_l W T_j */
         for (int l = 0; l < lower_count; l++) {
             memset(&moment[l], 0, sizeof moment[l]);
             for (int k = 0; k < lower_count; k++) {
@@ -21096,8 +21381,7 @@ static void dgfemi_stability_pair(const dgfem_body *body, int element, dgfem_rea
         int side = form.element[0] != element;
         dgfem_real weight = form.weight * body->desc.eta / form.eta_stiff;
         dgfemi_face_frame_set(body, &form, &frame);
-        if (side) memmove(frame.jump, frame.jump + form.count[0], (size_t)n * sizeof frame.jump[0]);
-        dgfemi_add_traction_energy(&frame, n, body->mesh->faces[form.face].normal, lambda, mu, weight, a);
+        dgfemi_add_traction_energy(&frame, side ? form.count[0] : 0, n, body->mesh->faces[form.face].normal, lambda, mu, weight, a);
     }
 }
 

@@ -4,6 +4,7 @@
 
 #include "check.h"
 #include "check_matrix.h"
+#include "check_threads.h"
 
 /* One system with its right-hand side, all random. */
 typedef struct system_under_test {
@@ -282,6 +283,49 @@ static void memory_is_one_allocation_or_the_callers(void **state) {
     system_free(&s);
 }
 
+/* Of a system that is shared: every number of the result, and of two bad blocks the first is named. */
+static void workers_change_no_bit(void **state) {
+    check_random random = check_random_seeded(9);
+    check_blocks blocks = check_blocks_grid(9, 9, 9, 12);
+    dgfem_matrix *alone = check_matrix_make(&blocks, 0);
+    dgfem_real *b = check_vector_random(&random, alone->size), *x = check_vector_random(&random, alone->size);
+    dgfem_real *y = check_vector_random(&random, alone->size);
+    size_t values = alone->value_start[alone->row_start[alone->block_count]];
+    dgfem_pcg_desc desc = dgfem_default_pcg_desc();
+    dgfem_pcg_info info, other;
+    int k;
+    (void)state;
+    check_matrix_fill(alone, &random, 1.1);
+    memset(x, 0, (size_t)alone->size * sizeof *x);
+    check_status(dgfem_pcg(alone, &desc, b, x, &info), DGFEM_OK);
+    assert_true(info.iterations > 3);
+    for (k = 1; k <= 3; k++) {
+        dgfem_matrix_desc matrix_desc = check_matrix_desc(&blocks, 0);
+        dgfem_matrix *shared = NULL;
+        check_workers workers;
+        workers.count = k, workers.loops = 0;
+        matrix_desc.hooks.parallel_for = check_parallel_for, matrix_desc.hooks.parallel_for_user = &workers;
+        check_status(dgfem_matrix_create(&matrix_desc, &shared), DGFEM_OK);
+        memcpy(shared->values, alone->values, values * sizeof *b);
+        memset(y, 0, (size_t)alone->size * sizeof *y);
+        check_status(dgfem_pcg(shared, &desc, b, y, &other), DGFEM_OK);
+        assert_memory_equal(x, y, (size_t)alone->size * sizeof *x);
+        assert_int_equal(other.iterations, info.iterations);
+        assert_true(other.residual == info.residual);
+        assert_true(workers.loops > info.iterations);
+        *dgfem_matrix_block(shared, 700, 700) = -1;
+        *dgfem_matrix_block(shared, 250, 250) = (dgfem_real)NAN;
+        check_status(dgfem_pcg(shared, &desc, b, y, &other), DGFEM_ERROR_NOT_POSITIVE_DEFINITE);
+        assert_int_equal(other.failed_block, 250);
+        dgfem_matrix_destroy(shared);
+    }
+    free(b);
+    free(x);
+    free(y);
+    dgfem_matrix_destroy(alone);
+    check_blocks_free(&blocks);
+}
+
 static void empty_system_is_solved(void **state) {
     dgfem_matrix_desc matrix_desc = dgfem_default_matrix_desc();
     dgfem_pcg_desc desc = dgfem_default_pcg_desc();
@@ -305,6 +349,7 @@ int main(void) {
         cmocka_unit_test(breakdowns_are_reported),
         cmocka_unit_test(bad_arguments_are_refused),
         cmocka_unit_test(memory_is_one_allocation_or_the_callers),
+        cmocka_unit_test(workers_change_no_bit),
         cmocka_unit_test(empty_system_is_solved),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

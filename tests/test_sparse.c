@@ -4,6 +4,7 @@
 
 #include "check.h"
 #include "check_matrix.h"
+#include "check_threads.h"
 #include <limits.h>
 
 /* coupled[r * count + c], r >= c, by looking at every pair. */
@@ -154,12 +155,12 @@ static void every_instruction_set_multiplies_blocks(void **state) {
         const dgfemi_kernels *kernels = dgfemi_kernels_for((dgfem_simd)simd);
         if (!kernels) continue;
         for (columns = 1; columns <= MOST; columns++) {
-            dgfem_real *a, *x, *y, *z, *w, *only;
+            dgfem_real *a, *x, *y, *z, *w, *only, *later;
             rows = 1 + check_random_int(&random, MOST);
             a = check_vector_random(&random, rows * columns);
             x = check_vector_random(&random, columns), w = check_vector_random(&random, columns);
             y = check_vector_random(&random, rows), z = check_vector_random(&random, rows);
-            only = check_vector_random(&random, rows);
+            only = check_vector_random(&random, rows), later = check_vector_random(&random, columns);
             memset(y, 0, (size_t)rows * sizeof *y);
             memset(only, 0, (size_t)rows * sizeof *only);
             memset(w, 0, (size_t)columns * sizeof *w);
@@ -175,15 +176,118 @@ static void every_instruction_set_multiplies_blocks(void **state) {
                 double sum = 0;
                 for (i = 0; i < rows; i++) sum += (double)a[i * columns + j] * (double)z[i];
                 check_near(w[j], sum, CHECK_EPSILON * (rows + 1) * rows);
+                x[j] = later[j] + w[j]; /* the same bits whether they are added at once or later */
             }
+            kernels->multiply_block(a, rows, columns, NULL, NULL, z, later);
+            assert_memory_equal(x, later, (size_t)columns * sizeof *x);
             free(a);
             free(x);
             free(y);
             free(z);
             free(w);
             free(only);
+            free(later);
         }
     }
+}
+
+/* ---- threads ---- */
+
+/* Ranges of uneven size, last one first. */
+static void ragged_parallel_for(void *user, int count, int grain, dgfem_range_fn fn, void *context) {
+    int last = count, size = 1;
+    (void)grain;
+    ++*(int *)user;
+    while (last > 0) {
+        int first = last > size ? last - size : 0;
+        fn(context, first, last);
+        last = first, size = 3 * size % 4 + 1;
+    }
+}
+
+static dgfem_matrix *shared_matrix(const check_blocks *blocks, dgfem_hooks hooks, const dgfem_matrix *like) {
+    dgfem_matrix_desc desc = check_matrix_desc(blocks, 0);
+    dgfem_matrix *matrix = NULL;
+    desc.hooks = hooks;
+    check_status(dgfem_matrix_create(&desc, &matrix), DGFEM_OK);
+    memcpy(matrix->values, like->values, like->value_start[like->row_start[like->block_count]] * sizeof(dgfem_real));
+    return matrix;
+}
+
+/* Large enough to be shared; blocks of all sizes and in an order in which nearly all couple far apart, a single row
+   that meets all, one block larger than a chunk. */
+static check_blocks large_blocks(int kind, check_random *random) {
+    check_blocks blocks;
+    if (kind == 0) return check_blocks_grid(9, 10, 11, 12);
+    if (kind == 1) return check_blocks_random(random, 400, 3000);
+    if (kind == 2) return check_blocks_star(300, 30);
+    blocks = check_blocks_complete(40, 12);
+    blocks.sizes[7] = 600;
+    return blocks;
+}
+
+/* Products by any number of workers, in any ranges, are those without any, and allocate nothing. */
+static void workers_change_no_bit_of_a_product(void **state) {
+    static const int counts[4] = {1, 2, 3, 7};
+    check_random random = check_random_seeded(6);
+    int kind, k;
+    (void)state;
+    for (kind = 0; kind < 4; kind++) {
+        check_blocks blocks = large_blocks(kind, &random);
+        dgfem_matrix *alone = check_matrix_make(&blocks, 0);
+        dgfem_real *x = check_vector_random(&random, alone->size), *y = check_vector_random(&random, alone->size);
+        dgfem_real *z = check_vector_random(&random, alone->size);
+        check_matrix_fill(alone, &random, 1.5);
+        dgfem_matrix_multiply(alone, x, y);
+        for (k = 0; k <= 4; k++) {
+            check_host host;
+            check_workers workers;
+            dgfem_hooks hooks = check_hooks(&host);
+            dgfem_matrix *shared;
+            long calls;
+            int loops = 0, round;
+            workers.count = k < 4 ? counts[k] : 0, workers.loops = 0;
+            hooks.parallel_for = k < 4 ? check_parallel_for : ragged_parallel_for;
+            hooks.parallel_for_user = k < 4 ? (void *)&workers : (void *)&loops;
+            shared = shared_matrix(&blocks, hooks, alone);
+            calls = host.calls;
+            for (round = 0; round < 2; round++) {
+                memset(z, 0x55, (size_t)alone->size * sizeof *z);
+                dgfem_matrix_multiply(shared, x, z);
+                assert_memory_equal(y, z, (size_t)alone->size * sizeof *y);
+            }
+            assert_int_equal(host.calls, calls);
+            assert_true(workers.loops + loops >= 2);
+            dgfem_matrix_destroy(shared);
+            assert_int_equal(host.live, 0);
+        }
+        free(x);
+        free(y);
+        free(z);
+        dgfem_matrix_destroy(alone);
+        check_blocks_free(&blocks);
+    }
+}
+
+/* Sharing costs a small matrix more than it gains. */
+static void small_matrices_are_not_shared(void **state) {
+    check_random random = check_random_seeded(7);
+    check_blocks blocks = check_blocks_grid(5, 5, 5, 12);
+    dgfem_matrix *alone = check_matrix_make(&blocks, 0), *shared;
+    dgfem_real *x = check_vector_random(&random, alone->size), *y = check_vector_random(&random, alone->size);
+    dgfem_hooks hooks;
+    int loops = 0;
+    (void)state;
+    memset(&hooks, 0, sizeof hooks);
+    hooks.parallel_for = ragged_parallel_for, hooks.parallel_for_user = &loops;
+    shared = shared_matrix(&blocks, hooks, alone);
+    dgfem_matrix_multiply(shared, x, y);
+    assert_int_equal(loops, 0);
+    free(x);
+    free(y);
+    dgfem_matrix_destroy(alone);
+    dgfem_matrix_destroy(shared);
+    check_blocks_free(&blocks);
 }
 
 static void empty_matrix_is_valid(void **state) {
@@ -271,6 +375,7 @@ static dgfem_status create_and_destroy(void *context, const dgfem_hooks *hooks) 
     dgfem_matrix *matrix = NULL;
     dgfem_status status;
     desc.hooks = *hooks;
+    desc.hooks.parallel_for = ragged_parallel_for; /* never called */
     status = dgfem_matrix_create(&desc, &matrix);
     assert_int_equal(matrix != NULL, status == DGFEM_OK);
     dgfem_matrix_destroy(matrix);
@@ -278,10 +383,13 @@ static dgfem_status create_and_destroy(void *context, const dgfem_hooks *hooks) 
 }
 
 static void every_allocation_may_fail(void **state) {
-    check_blocks blocks = check_blocks_grid(8, 8, 8, 3);
+    check_blocks blocks = check_blocks_grid(8, 8, 8, 3), large = check_blocks_grid(8, 8, 10, 12);
+    long small = check_every_allocation(create_and_destroy, &blocks);
     (void)state;
-    assert_true(check_every_allocation(create_and_destroy, &blocks) >= 7);
+    assert_true(small >= 7);
+    assert_true(check_every_allocation(create_and_destroy, &large) >= small + 8);
     check_blocks_free(&blocks);
+    check_blocks_free(&large);
 }
 
 int main(void) {
@@ -292,6 +400,8 @@ int main(void) {
         cmocka_unit_test(clear_makes_all_values_zero),
         cmocka_unit_test(product_equals_the_dense_one),
         cmocka_unit_test(every_instruction_set_multiplies_blocks),
+        cmocka_unit_test(workers_change_no_bit_of_a_product),
+        cmocka_unit_test(small_matrices_are_not_shared),
         cmocka_unit_test(empty_matrix_is_valid),
         cmocka_unit_test(bad_descriptors_are_refused),
         cmocka_unit_test(too_large_a_matrix_is_out_of_memory),

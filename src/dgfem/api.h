@@ -422,6 +422,8 @@ typedef struct dgfem_matrix_desc {
     dgfem_hooks hooks;
 } dgfem_matrix_desc;
 
+typedef struct dgfem_sharing dgfem_sharing; /* how threads share a product, opaque */
+
 typedef struct dgfem_matrix {
     int block_count;
     int size;             /* number of unknowns */
@@ -431,6 +433,7 @@ typedef struct dgfem_matrix {
     size_t *value_start;  /* [row_start[block_count] + 1] block k: row-major, size(r) x size(column[k]) */
     dgfem_real *values;
     dgfem_vec3 *centres;  /* [block_count] or NULL */
+    dgfem_sharing *sharing; /* NULL where threads share nothing */
     dgfem_hooks hooks;
 } dgfem_matrix;
 
@@ -443,7 +446,7 @@ DGFEM_API void dgfem_matrix_clear(dgfem_matrix *matrix);
    blocks are stored whole and must be symmetric (the factorization reads their lower half only). */
 DGFEM_API dgfem_real *dgfem_matrix_block(const dgfem_matrix *matrix, int row, int column);
 
-/* y = A x; x and y are different vectors of matrix->size. */
+/* y = A x; x and y are different vectors of matrix->size. Large matrices use hooks.parallel_for. */
 DGFEM_API void dgfem_matrix_multiply(const dgfem_matrix *matrix, const dgfem_real *x, dgfem_real *y);
 
 typedef enum dgfem_ordering {

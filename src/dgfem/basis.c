@@ -18,11 +18,11 @@ static int dgfemi_product_index(int i, int j) {
 
 /* d/d(axis) of monomial i is (its exponent on the axis) times the monomial returned; DGFEM_NONE where it vanishes. */
 static int dgfemi_derivative_index(int i, int axis) {
-    int e[3];
-    e[0] = dgfemi_exponents[i][0], e[1] = dgfemi_exponents[i][1], e[2] = dgfemi_exponents[i][2];
-    if (e[axis] == 0) return DGFEM_NONE;
-    e[axis]--;
-    return dgfem_monomial_index(e[0], e[1], e[2]);
+    static const signed char index[DGFEM_MAX_BASIS][3] = {
+        {-1, -1, -1}, {0, -1, -1}, {-1, 0, -1}, {-1, -1, 0}, {1, -1, -1}, {2, 1, -1}, {3, -1, 1},
+        {-1, 2, -1},  {-1, 3, 2},  {-1, -1, 3}, {4, -1, -1}, {5, 4, -1},  {6, -1, 4}, {7, 5, -1},
+        {8, 6, 5},    {9, -1, 6},  {-1, 7, -1}, {-1, 8, 7},  {-1, 9, 8},  {-1, -1, 9}};
+    return index[i][axis];
 }
 
 /* values[dgfem_monomial_count(degree)] of all monomials of (x - c)/s. */
@@ -62,19 +62,21 @@ static void dgfemi_basis_shift(int degree, dgfem_vec3 c, dgfem_real s, dgfem_vec
                                dgfem_real *t) {
     int n = dgfem_monomial_count(degree);
     dgfem_vec3 d = dgfemi_scale(1 / s, dgfemi_sub(c_new, c));
-    dgfem_real r = s_new / s, power[3][DGFEM_MAX_DEGREE + 1], scale_power[DGFEM_MAX_DEGREE + 1];
-    scale_power[0] = power[0][0] = power[1][0] = power[2][0] = 1;
-    for (int p = 1; p <= degree; p++) {
-        scale_power[p] = scale_power[p - 1] * r;
-        for (int axis = 0; axis < 3; axis++) power[axis][p] = power[axis][p - 1] * dgfemi_axis(d, axis);
+    dgfem_real r = s_new / s, power[3][DGFEM_MAX_DEGREE + 1];
+    dgfem_real factor[3][DGFEM_MAX_DEGREE + 1][DGFEM_MAX_DEGREE + 1]; /* of xi'^b in (d + r xi')^a; 0 where b > a */
+    memset(factor, 0, sizeof factor);
+    for (int axis = 0; axis < 3; axis++) {
+        power[axis][0] = 1;
+        for (int p = 1; p <= degree; p++) power[axis][p] = power[axis][p - 1] * dgfemi_axis(d, axis);
+        for (int a = 0; a <= degree; a++) {
+            dgfem_real scale_power = 1;
+            for (int b = 0; b <= a; b++, scale_power *= r)
+                factor[axis][a][b] = dgfemi_binomial(a, b) * power[axis][a - b] * scale_power;
+        }
     }
     for (int i = 0; i < n; i++)
         for (int k = 0; k < n; k++) {
             const unsigned char *a = dgfemi_exponents[i], *b = dgfemi_exponents[k];
-            dgfem_real value = scale_power[b[0] + b[1] + b[2]];
-            for (int axis = 0; axis < 3; axis++)
-                value = b[axis] > a[axis] ? 0
-                                          : value * dgfemi_binomial(a[axis], b[axis]) * power[axis][a[axis] - b[axis]];
-            t[i * n + k] = value;
+            t[i * n + k] = factor[0][a[0]][b[0]] * factor[1][a[1]][b[1]] * factor[2][a[2]][b[2]];
         }
 }

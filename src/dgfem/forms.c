@@ -248,11 +248,13 @@ static dgfem_real dgfemi_patch_area(const dgfem_mesh *mesh, int element, int fac
 }
 
 #define DGFEM_MAX_PLANE_BASIS 10 /* in-plane monomials up to DGFEM_MAX_DEGREE */
+#define DGFEM_MAX_LOWER_BASIS 10 /* dgfem_monomial_count(DGFEM_MAX_DEGREE - 1) */
 
 /* Everything about one face in monomials about its own centre, while its integrals are computed. */
 typedef struct dgfemi_face_frame {
-    int degree; /* the larger of both sides */
-    int count;  /* monomials up to degree */
+    int degree;      /* the larger of both sides */
+    int count;       /* monomials up to degree, */
+    int lower_count; /* and up to degree - 1 */
     dgfem_vec3 centre;
     dgfem_real scale;
     dgfem_vec3 axis[2]; /* in-plane principal axes, divided by the scaled radius of gyration along each */
@@ -260,6 +262,7 @@ typedef struct dgfemi_face_frame {
     int sides;                                                  /* functions of both sides */
     dgfem_real jump[2 * DGFEM_MAX_BASIS][DGFEM_MAX_BASIS];      /* J_i in face monomials */
     dgfem_real jump_gram[2 * DGFEM_MAX_BASIS][DGFEM_MAX_BASIS]; /* int J_i m_k */
+    dgfem_real gradient[2 * DGFEM_MAX_BASIS][3][DGFEM_MAX_LOWER_BASIS]; /* of N_i in monomials up to degree - 1 */
 } dgfemi_face_frame;
 
 static dgfem_real dgfemi_face_radius(const dgfem_mesh *mesh, const dgfem_face *face) {
@@ -300,12 +303,25 @@ static void dgfemi_face_side(dgfemi_face_frame *frame, int first, int degree, dg
         for (int k = 0; k < frame->count; k++) frame->jump[first + i][k] = k < n ? sign * shift[i * n + k] : 0;
 }
 
+/* Each monomial is the derivative of one other along each axis. */
+static void dgfemi_face_gradients(dgfemi_face_frame *frame, int first, int count, dgfem_real sign) {
+    for (int i = first; i < first + count; i++)
+        for (int k = 1; k < frame->count; k++)
+            for (int axis = 0; axis < 3; axis++) {
+                int lower = dgfemi_derivative_index(k, axis);
+                if (lower == DGFEM_NONE) continue;
+                dgfem_real factor = sign * (dgfem_real)dgfemi_exponents[k][axis] / frame->scale;
+                frame->gradient[i][axis][lower] = factor * frame->jump[i][k];
+            }
+}
+
 static void dgfemi_face_frame_set(const dgfem_body *body, const dgfemi_face_form *form, dgfemi_face_frame *frame) {
     const dgfem_face *face = &body->mesh->faces[form->face];
     int a = form->element[0], b = form->element[1];
     frame->degree = body->degree[a];
     if (b != DGFEM_NONE && body->degree[b] > frame->degree) frame->degree = body->degree[b];
     frame->count = dgfem_monomial_count(frame->degree);
+    frame->lower_count = dgfem_monomial_count(frame->degree - 1);
     frame->sides = form->count[0] + form->count[1];
     frame->centre = face->centre;
     frame->scale = dgfemi_face_radius(body->mesh, face);
@@ -314,19 +330,20 @@ static void dgfemi_face_frame_set(const dgfem_body *body, const dgfemi_face_form
     dgfemi_face_side(frame, 0, body->degree[a], body->origin[a], body->scale[a], 1);
     if (b != DGFEM_NONE) dgfemi_face_side(frame, form->count[0], body->degree[b], body->origin[b], body->scale[b], -1);
     else dgfemi_face_side(frame, form->count[0], frame->degree, frame->centre, frame->scale, -1);
-    for (int i = 0; i < frame->sides; i++)
-        for (int k = 0; k < frame->count; k++) {
-            dgfem_real sum = 0;
-            for (int l = 0; l < frame->count; l++)
-                sum += frame->jump[i][l] * frame->moments[dgfemi_product_index(k, l)];
-            frame->jump_gram[i][k] = sum;
+    memset(frame->jump_gram, 0, sizeof frame->jump_gram[0] * (size_t)frame->sides);
+    for (int k = 0; k < frame->count; k++)
+        for (int l = 0; l < frame->count; l++) {
+            dgfem_real moment = frame->moments[dgfemi_product_index(k, l)];
+            for (int i = 0; i < frame->sides; i++) frame->jump_gram[i][k] += frame->jump[i][l] * moment;
         }
+    dgfemi_face_gradients(frame, 0, form->count[0], 1);
+    dgfemi_face_gradients(frame, form->count[0], form->count[1], -1);
 }
 
-/* int J_i J_j */
+/* int J_i J_j for j <= i */
 static void dgfemi_face_jump_products(const dgfemi_face_frame *frame, dgfem_real *out) {
     for (int i = 0; i < frame->sides; i++)
-        for (int j = 0; j < frame->sides; j++) {
+        for (int j = 0; j <= i; j++) {
             dgfem_real sum = 0;
             for (int k = 0; k < frame->count; k++) sum += frame->jump_gram[i][k] * frame->jump[j][k];
             out[i * frame->sides + j] = sum;
@@ -352,7 +369,8 @@ static int dgfemi_plane_basis(const dgfem_vec3 axis[2], int degree,
     return count;
 }
 
-/* P_ij = R^T Gm^-1 R with R = int b J, Gm = int b b^T. Functions that a thin face cannot tell apart are dropped. */
+/* P_ij for j <= i, P = R^T Gm^-1 R with R = int b J, Gm = int b b^T. Functions that a thin face cannot tell apart are
+   dropped. */
 static void dgfemi_face_projection(const dgfemi_face_frame *frame, dgfem_real *out) {
     dgfem_real basis[DGFEM_MAX_PLANE_BASIS][DGFEM_MAX_BASIS];
     dgfem_real r[DGFEM_MAX_PLANE_BASIS * 2 * DGFEM_MAX_BASIS], gram[DGFEM_MAX_PLANE_BASIS * DGFEM_MAX_PLANE_BASIS];
@@ -376,20 +394,14 @@ static void dgfemi_face_projection(const dgfemi_face_frame *frame, dgfem_real *o
     memset(out, 0, (size_t)sides * (size_t)sides * sizeof(dgfem_real));
     for (int m = 0; m < count; m++)
         for (int i = 0; i < sides; i++)
-            for (int j = 0; j < sides; j++) out[i * sides + j] += r[m * sides + i] * r[m * sides + j];
+            for (int j = 0; j <= i; j++) out[i * sides + j] += r[m * sides + i] * r[m * sides + j];
 }
 
-/* q_ij = int J_i grad N_j: i and j count the functions of both sides; `sign` is that of j's side in the jump. */
-static void dgfemi_face_traction_integral(const dgfemi_face_frame *frame, int i, int j, dgfem_real sign,
-                                          dgfem_real out[3]) {
+/* q_ij = int J_i grad N_j: i and j count the functions of both sides. */
+static void dgfemi_face_traction_integral(const dgfemi_face_frame *frame, int i, int j, dgfem_real out[3]) {
     for (int axis = 0; axis < 3; axis++) {
         out[axis] = 0;
-        for (int k = 1; k < frame->count; k++) {
-            int lower = dgfemi_derivative_index(k, axis);
-            if (lower == DGFEM_NONE) continue;
-            out[axis] += (dgfem_real)dgfemi_exponents[k][axis] * frame->jump[j][k] * frame->jump_gram[i][lower];
-        }
-        out[axis] *= sign / frame->scale;
+        for (int k = 0; k < frame->lower_count; k++) out[axis] += frame->gradient[j][axis][k] * frame->jump_gram[i][k];
     }
 }
 
@@ -400,7 +412,7 @@ static void dgfemi_face_pair_tractions(const dgfemi_face_frame *frame, const dgf
         int function = k ? i : j, side = function >= form->count[0];
         if (function == (side ? form->count[0] : 0) || !dgfemi_form_has_traction(form, side))
             out[0] = out[1] = out[2] = 0;
-        else dgfemi_face_traction_integral(frame, k ? j : i, function, side ? DGFEM_R(-1) : DGFEM_R(1), out);
+        else dgfemi_face_traction_integral(frame, k ? j : i, function, out);
     }
 }
 

@@ -460,7 +460,9 @@ static void DGFEM_PATH(dgfemi_solve_panel_transposed)(const dgfemi_panel *p, dgf
 
 /* ---- products with row-major blocks ---- */
 
-/* With `direct` y += A x, with `transposed` w += A^T z, for `vectors` vectors of columns: the block is read once. */
+/* With `direct` y += A x, with `transposed` w += A^T z, for `vectors` vectors of columns: the block is read once. A^T z
+   is summed up before it is added, so that it makes no difference to the bits whether it is added to w at once, or
+   kept and added later. */
 DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int stride, int rows, int vectors,
                                                       int direct, int transposed, const dgfem_real *x, dgfem_real *y,
                                                       const dgfem_real *z, dgfem_real *w) {
@@ -468,8 +470,8 @@ DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int s
     int i, v, n, k;
     DGFEM_UNROLL
     for (v = 0; v < vectors; v++) {
-        in[v] = DGFEM_V_LOAD((direct ? x : w) + v * DGFEM_V_LANES);
-        out[v] = transposed ? DGFEM_V_LOAD(w + v * DGFEM_V_LANES) : in[v];
+        in[v] = direct ? DGFEM_V_LOAD(x + v * DGFEM_V_LANES) : DGFEM_V_ALL(0);
+        out[v] = DGFEM_V_ALL(0);
     }
     for (i = 0; i < rows; i++, a += stride) {
         if (transposed) {
@@ -490,8 +492,10 @@ DGFEM_INLINE void DGFEM_PATH(dgfemi_multiply_columns)(const dgfem_real *a, int s
         }
     }
     DGFEM_UNROLL
-    for (v = 0; v < vectors; v++)
-        if (transposed) DGFEM_V_STORE(w + v * DGFEM_V_LANES, out[v]);
+    for (v = 0; v < vectors; v++) {
+        dgfem_real *to = w + v * DGFEM_V_LANES;
+        if (transposed) DGFEM_V_STORE(to, DGFEM_V_ADD(DGFEM_V_LOAD(to), out[v]));
+    }
 }
 
 /* The same for all columns that vectors hold; returns the first column that is left. */
@@ -516,12 +520,15 @@ static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int
     if (x && z) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 1, x, y, z, w);
     else if (x) j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 1, 0, x, y, NULL, NULL);
     else j = DGFEM_PATH(dgfemi_multiply_all)(a, rows, columns, 0, 1, NULL, NULL, z, w);
-    for (; j < columns; j++)
+    for (; j < columns; j++) {
+        dgfem_real sum = 0;
         for (i = 0; i < rows; i++) {
             dgfem_real value = a[(size_t)i * (size_t)columns + (size_t)j];
             if (x) y[i] += value * x[j];
-            if (z) w[j] += value * z[i];
+            if (z) sum += value * z[i];
         }
+        if (z) w[j] += sum;
+    }
 }
 
 /* ---- 3x3 matrices ---- */

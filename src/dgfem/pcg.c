@@ -74,13 +74,24 @@ static int dgfemi_invert_diagonal_block(const dgfem_matrix *matrix, int r, dgfem
     return 1;
 }
 
-/* Inverts all diagonal blocks into `inverse`, one behind the other. Returns a block that is not positive definite, or
-   DGFEM_NONE. */
+static void dgfemi_invert_rows(void *context, const dgfem_matrix *matrix, int first, int last, size_t diagonal) {
+    dgfem_real *inverse = (dgfem_real *)context + diagonal;
+    int r;
+    for (r = first; r < last; r++) {
+        int n = dgfemi_block_size(matrix, r);
+        if (!dgfemi_invert_diagonal_block(matrix, r, inverse)) inverse[0] = (dgfem_real)-1;
+        inverse += n * n;
+    }
+}
+
+/* Inverts all diagonal blocks into `inverse`, one behind the other. Returns the first block that is not positive
+   definite, or DGFEM_NONE. The first element of an inverse tells: it is positive. */
 static int dgfemi_invert_diagonal(const dgfem_matrix *matrix, dgfem_real *inverse) {
     int r;
+    dgfemi_for_rows(matrix, dgfemi_invert_rows, inverse);
     for (r = 0; r < matrix->block_count; r++) {
         int n = dgfemi_block_size(matrix, r);
-        if (!dgfemi_invert_diagonal_block(matrix, r, inverse)) return r;
+        if (!(inverse[0] > 0)) return r;
         inverse += n * n;
     }
     return DGFEM_NONE;
@@ -98,17 +109,30 @@ typedef struct dgfemi_jacobi {
     dgfem_real *inverse; /* of the blocks */
 } dgfemi_jacobi;
 
-static void dgfemi_apply_jacobi(void *context, const dgfem_real *r, dgfem_real *z) {
-    const dgfemi_jacobi *jacobi = (const dgfemi_jacobi *)context;
-    const dgfem_matrix *matrix = jacobi->matrix;
-    const dgfem_real *inverse = jacobi->inverse;
+typedef struct dgfemi_jacobi_vectors {
+    const dgfem_real *inverse, *r;
+    dgfem_real *z;
+} dgfemi_jacobi_vectors;
+
+static void dgfemi_apply_jacobi_rows(void *context, const dgfem_matrix *matrix, int first, int last, size_t diagonal) {
+    const dgfemi_jacobi_vectors *vectors = (const dgfemi_jacobi_vectors *)context;
+    const dgfemi_kernels *kernels = dgfemi_product_kernels();
+    const dgfem_real *inverse = vectors->inverse + diagonal;
     int k;
-    memset(z, 0, (size_t)matrix->size * sizeof *z);
-    for (k = 0; k < matrix->block_count; k++) {
-        int n = dgfemi_block_size(matrix, k), first = matrix->offset[k];
-        dgfemi_block_multiply(inverse, n, n, r + first, z + first);
+    memset(vectors->z + matrix->offset[first], 0,
+           (size_t)(matrix->offset[last] - matrix->offset[first]) * sizeof(dgfem_real));
+    for (k = first; k < last; k++) {
+        int n = dgfemi_block_size(matrix, k), at = matrix->offset[k];
+        dgfemi_add_transposed_product(kernels, inverse, n, n, vectors->r + at, vectors->z + at);
         inverse += (size_t)n * (size_t)n;
     }
+}
+
+static void dgfemi_apply_jacobi(void *context, const dgfem_real *r, dgfem_real *z) {
+    const dgfemi_jacobi *jacobi = (const dgfemi_jacobi *)context;
+    dgfemi_jacobi_vectors vectors;
+    vectors.inverse = jacobi->inverse, vectors.r = r, vectors.z = z;
+    dgfemi_for_rows(jacobi->matrix, dgfemi_apply_jacobi_rows, &vectors);
 }
 
 /* ---- iteration ---- */

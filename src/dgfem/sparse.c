@@ -149,6 +149,126 @@ static int dgfemi_matrix_values(dgfem_matrix *matrix, const dgfem_matrix_desc *d
     return matrix->values != NULL;
 }
 
+/* ---- shared products ---- */
+
+/* A product in chunks of rows, which threads share. A chunk adds to its own rows of y; what its blocks give, transposed,
+   to rows of earlier chunks, it leaves in `sums`, one piece for each such block. When all chunks are done the pieces are
+   added, by the chunk whose rows they are for, in ascending order of the rows that they come from. So every part of y
+   receives its products in the order of a product without chunks. */
+struct dgfem_sharing {
+    int chunk_count;
+    int *row;         /* [chunk_count + 1] first row of each chunk, */
+    size_t *diagonal; /* [chunk_count + 1] and how many numbers the diagonal blocks before it have */
+    size_t *own;      /* [chunk_count + 1] where in sums the pieces of each chunk begin, in the order of its blocks */
+    int *piece_start; /* [chunk_count + 1] and in the lists below, those for each chunk */
+    int *target;      /* of each piece, by rows of y and for each by the rows that they come from: the row, */
+    size_t *place;    /* and where it is in sums */
+    dgfem_real *sums;
+};
+
+enum {
+    DGFEM_LEAST_CHUNK = 1 << 16, /* numbers in a chunk: less is not worth the wait for a thread, */
+    DGFEM_LEAST_CHUNKS = 4,      /* nor is a matrix of so few chunks; */
+    DGFEM_MOST_CHUNKS = 16,      /* and the more chunks, the more pieces */
+    DGFEM_SERIAL_SUMS = 1 << 15  /* so many numbers in pieces are added by one thread */
+};
+
+static void dgfemi_sharing_destroy(dgfem_sharing *sharing, const dgfem_hooks *hooks) {
+    if (!sharing) return;
+    dgfemi_free(hooks, sharing->row);
+    dgfemi_free(hooks, sharing->diagonal);
+    dgfemi_free(hooks, sharing->own);
+    dgfemi_free(hooks, sharing->piece_start);
+    dgfemi_free(hooks, sharing->target);
+    dgfemi_free(hooks, sharing->place);
+    dgfemi_free(hooks, sharing->sums);
+    dgfemi_free(hooks, sharing);
+}
+
+/* Numbers in a diagonal block. */
+static size_t dgfemi_square_of_size(const dgfem_matrix *matrix, int block) {
+    size_t n = (size_t)(matrix->offset[block + 1] - matrix->offset[block]);
+    return n * n;
+}
+
+/* Chunks of about the same number of stored numbers. */
+static void dgfemi_sharing_set_rows(dgfem_sharing *sharing, const dgfem_matrix *matrix) {
+    size_t total = matrix->value_start[matrix->row_start[matrix->block_count]], count = (size_t)sharing->chunk_count;
+    size_t diagonal = 0;
+    int c = 0, r;
+    for (r = 0; r < matrix->block_count; r++)
+        while (c < sharing->chunk_count && matrix->value_start[matrix->row_start[r]] >= total / count * (size_t)c)
+            sharing->row[c++] = r;
+    while (c <= sharing->chunk_count) sharing->row[c++] = matrix->block_count;
+    for (r = 0, c = 0; r <= matrix->block_count; r++) {
+        while (c <= sharing->chunk_count && sharing->row[c] == r) sharing->diagonal[c++] = diagonal;
+        if (r < matrix->block_count) diagonal += dgfemi_square_of_size(matrix, r);
+    }
+}
+
+/* The blocks of chunk c that are coupled to an earlier one have columns < row[c]. Visits them in their order: counts
+   them by their columns in `pieces`, and with `sharing->place` sorts them, pieces[column] being where the next one
+   goes. */
+static void dgfemi_sharing_visit(dgfem_sharing *sharing, const dgfem_matrix *matrix, int *pieces) {
+    size_t at = 0;
+    int c, r, k;
+    for (c = 0; c < sharing->chunk_count; c++) {
+        sharing->own[c] = at;
+        for (r = sharing->row[c]; r < sharing->row[c + 1]; r++)
+            for (k = matrix->row_start[r]; k < matrix->row_start[r + 1] && matrix->column[k] < sharing->row[c]; k++) {
+                int column = matrix->column[k];
+                if (sharing->place) {
+                    sharing->target[pieces[column]] = column;
+                    sharing->place[pieces[column]] = at;
+                }
+                pieces[column]++;
+                at += (size_t)(matrix->offset[column + 1] - matrix->offset[column]);
+            }
+    }
+    sharing->own[c] = at;
+}
+
+/* 0 when out of memory. */
+static int dgfemi_sharing_set_pieces(dgfem_sharing *sharing, const dgfem_matrix *matrix, int *pieces) {
+    const dgfem_hooks *hooks = &matrix->hooks;
+    size_t count;
+    int c;
+    dgfemi_sharing_visit(sharing, matrix, pieces);
+    dgfemi_counts_to_starts(pieces, matrix->block_count);
+    count = (size_t)pieces[matrix->block_count];
+    for (c = 0; c <= sharing->chunk_count; c++) sharing->piece_start[c] = pieces[sharing->row[c]];
+    sharing->target = (int *)dgfemi_allocate(hooks, count, sizeof(int));
+    sharing->place = (size_t *)dgfemi_allocate(hooks, count, sizeof(size_t));
+    sharing->sums = (dgfem_real *)dgfemi_allocate(hooks, sharing->own[sharing->chunk_count], sizeof(dgfem_real));
+    if (!sharing->target || !sharing->place || !sharing->sums) return 0;
+    dgfemi_sharing_visit(sharing, matrix, pieces);
+    return 1;
+}
+
+/* Where the matrix is large enough and the host has threads. 0 when out of memory. */
+static int dgfemi_matrix_share(dgfem_matrix *matrix, dgfemi_arena *arena) {
+    const dgfem_hooks *hooks = &matrix->hooks;
+    size_t chunks = matrix->value_start[matrix->row_start[matrix->block_count]] / DGFEM_LEAST_CHUNK;
+    dgfem_sharing *sharing;
+    int *pieces;
+    if (!hooks->parallel_for || chunks < DGFEM_LEAST_CHUNKS) return 1;
+    if (chunks > DGFEM_MOST_CHUNKS) chunks = DGFEM_MOST_CHUNKS;
+    sharing = (dgfem_sharing *)dgfemi_allocate_zero(hooks, 1, sizeof *sharing);
+    if (!sharing) return 0;
+    matrix->sharing = sharing;
+    sharing->chunk_count = (int)chunks;
+    sharing->row = (int *)dgfemi_allocate(hooks, chunks + 1, sizeof(int));
+    sharing->diagonal = (size_t *)dgfemi_allocate(hooks, chunks + 1, sizeof(size_t));
+    sharing->own = (size_t *)dgfemi_allocate(hooks, chunks + 1, sizeof(size_t));
+    sharing->piece_start = (int *)dgfemi_allocate(hooks, chunks + 1, sizeof(int));
+    pieces = (int *)dgfemi_arena_allocate_zero(arena, (size_t)matrix->block_count + 1, sizeof(int));
+    if (!sharing->row || !sharing->diagonal || !sharing->own || !sharing->piece_start || !pieces) return 0;
+    dgfemi_sharing_set_rows(sharing, matrix);
+    return dgfemi_sharing_set_pieces(sharing, matrix, pieces);
+}
+
+/* ---- the whole matrix ---- */
+
 /* NULL when out of memory. */
 static dgfem_matrix *dgfemi_matrix_build(const dgfem_matrix_desc *desc) {
     dgfemi_arena arena = dgfemi_arena_make(&desc->hooks);
@@ -163,6 +283,7 @@ static dgfem_matrix *dgfemi_matrix_build(const dgfem_matrix_desc *desc) {
                                                              sizeof(dgfem_vec3));
             built = matrix->centres != NULL;
         }
+        built = built && dgfemi_matrix_share(matrix, &arena);
     }
     dgfemi_arena_free(&arena);
     if (built) return matrix;
@@ -193,6 +314,7 @@ DGFEM_API void dgfem_matrix_destroy(dgfem_matrix *matrix) {
     dgfemi_free(&hooks, matrix->value_start);
     dgfemi_free(&hooks, matrix->values);
     dgfemi_free(&hooks, matrix->centres);
+    dgfemi_sharing_destroy(matrix->sharing, &hooks);
     dgfemi_free(&hooks, matrix);
 }
 
@@ -252,15 +374,14 @@ DGFEM_INLINE void dgfemi_strip_multiply(const dgfem_real *a, int stride, int row
     }
 }
 
-/* y += A^T x for one strip. */
+/* y += A^T x for one strip; A^T x is summed up before it is added, as in kernels.c. */
 DGFEM_INLINE void dgfemi_strip_multiply_transposed(const dgfem_real *a, int stride, int rows, int width,
                                                    const dgfem_real *x, dgfem_real *y) {
-    dgfem_real sum[12];
+    dgfem_real sum[12] = {0};
     int i, j;
-    for (j = 0; j < width; j++) sum[j] = y[j];
     for (i = 0; i < rows; i++, a += stride)
         for (j = 0; j < width; j++) sum[j] += a[j] * x[i];
-    for (j = 0; j < width; j++) y[j] = sum[j];
+    for (j = 0; j < width; j++) y[j] += sum[j];
 }
 
 static void dgfemi_block_multiply(const dgfem_real *a, int rows, int columns, const dgfem_real *x, dgfem_real *y) {
@@ -284,27 +405,110 @@ static const dgfemi_kernels *dgfemi_product_kernels(void) {
     return dgfemi_kernels_for(DGFEM_REAL_IS_FLOAT ? DGFEM_SIMD_SSE2 : DGFEM_SIMD_AVX2);
 }
 
-/* Every part of y receives its products in ascending order of the block that they come from: first its own row, then,
-   transposed, the rows below. A loop over the parts of y in place of the rows of A, which several threads can share,
-   gives therefore the same bits; it reads each block twice. */
-DGFEM_API void dgfem_matrix_multiply(const dgfem_matrix *matrix, const dgfem_real *x, dgfem_real *y) {
+/* y += A^T x, faster than y += A x: symmetric blocks are better multiplied so. `kernels` may be NULL. */
+static void dgfemi_add_transposed_product(const dgfemi_kernels *kernels, const dgfem_real *block, int rows, int columns,
+                                          const dgfem_real *x, dgfem_real *y) {
+    if (kernels && columns >= 12) kernels->multiply_block(block, rows, columns, NULL, NULL, x, y);
+    else dgfemi_block_multiply_transposed(block, rows, columns, x, y);
+}
+
+/* The rows first <= r < last of A, and their transposes. What is for rows before `first` goes to `sums`, block by
+   block. */
+static void dgfemi_multiply_rows(const dgfem_matrix *matrix, int first, int last, const dgfem_real *x, dgfem_real *y,
+                                 dgfem_real *sums) {
     const dgfemi_kernels *kernels = dgfemi_product_kernels();
     int r, k;
-    if (!matrix || !x || !y) return;
-    memset(y, 0, (size_t)matrix->size * sizeof *y);
-    for (r = 0; r < matrix->block_count; r++) {
+    memset(y + matrix->offset[first], 0, (size_t)(matrix->offset[last] - matrix->offset[first]) * sizeof *y);
+    for (r = first; r < last; r++) {
         int row = matrix->offset[r], rows = dgfemi_block_size(matrix, r);
         for (k = matrix->row_start[r]; k < matrix->row_start[r + 1]; k++) {
             const dgfem_real *block = matrix->values + matrix->value_start[k];
-            int column = matrix->offset[matrix->column[k]], columns = dgfemi_block_size(matrix, matrix->column[k]);
+            int c = matrix->column[k], column = matrix->offset[c], columns = dgfemi_block_size(matrix, c);
+            dgfem_real *transposed = y + column;
+            if (c < first) {
+                transposed = sums;
+                memset(transposed, 0, (size_t)columns * sizeof *transposed);
+                sums += columns;
+            }
             if (kernels && columns >= 12) {
-                int both = column != row;
+                int both = c != r;
                 kernels->multiply_block(block, rows, columns, x + column, y + row, both ? x + row : NULL,
-                                        both ? y + column : NULL);
+                                        both ? transposed : NULL);
                 continue;
             }
             dgfemi_block_multiply(block, rows, columns, x + column, y + row);
-            if (column != row) dgfemi_block_multiply_transposed(block, rows, columns, x + row, y + column);
+            if (c != r) dgfemi_block_multiply_transposed(block, rows, columns, x + row, transposed);
         }
     }
+}
+
+typedef struct dgfemi_shared_product {
+    const dgfem_matrix *matrix;
+    const dgfem_real *x;
+    dgfem_real *y;
+} dgfemi_shared_product;
+
+static void dgfemi_multiply_chunks(void *context, int first, int last) {
+    const dgfemi_shared_product *product = (const dgfemi_shared_product *)context;
+    const dgfem_sharing *sharing = product->matrix->sharing;
+    int c;
+    for (c = first; c < last; c++)
+        dgfemi_multiply_rows(product->matrix, sharing->row[c], sharing->row[c + 1], product->x, product->y,
+                             sharing->sums + sharing->own[c]);
+}
+
+static void dgfemi_add_pieces(void *context, int first, int last) {
+    const dgfemi_shared_product *product = (const dgfemi_shared_product *)context;
+    const dgfem_matrix *matrix = product->matrix;
+    const dgfem_sharing *sharing = matrix->sharing;
+    int k, i;
+    for (k = sharing->piece_start[first]; k < sharing->piece_start[last]; k++) {
+        const dgfem_real *piece = sharing->sums + sharing->place[k];
+        dgfem_real *y = product->y + matrix->offset[sharing->target[k]];
+        for (i = 0; i < dgfemi_block_size(matrix, sharing->target[k]); i++) y[i] += piece[i];
+    }
+}
+
+/* Every part of y receives its products in ascending order of the block that they come from: first its own row, then,
+   transposed, the rows below. */
+DGFEM_API void dgfem_matrix_multiply(const dgfem_matrix *matrix, const dgfem_real *x, dgfem_real *y) {
+    dgfemi_shared_product product;
+    int chunks;
+    if (!matrix || !x || !y) return;
+    if (!matrix->sharing) {
+        dgfemi_multiply_rows(matrix, 0, matrix->block_count, x, y, NULL);
+        return;
+    }
+    product.matrix = matrix, product.x = x, product.y = y;
+    chunks = matrix->sharing->chunk_count;
+    dgfemi_parallel_for(&matrix->hooks, chunks, 1, dgfemi_multiply_chunks, &product);
+    if (matrix->sharing->own[chunks] <= DGFEM_SERIAL_SUMS) dgfemi_add_pieces(&product, 0, chunks);
+    else dgfemi_parallel_for(&matrix->hooks, chunks, 1, dgfemi_add_pieces, &product);
+}
+
+/* A loop over the blocks of a matrix whose results do not depend on each other. `diagonal` is how many numbers the
+   diagonal blocks before `first` have. */
+typedef void (*dgfemi_rows_fn)(void *context, const dgfem_matrix *matrix, int first, int last, size_t diagonal);
+
+typedef struct dgfemi_rows_loop {
+    const dgfem_matrix *matrix;
+    dgfemi_rows_fn fn;
+    void *context;
+} dgfemi_rows_loop;
+
+static void dgfemi_rows_of_chunks(void *context, int first, int last) {
+    const dgfemi_rows_loop *loop = (const dgfemi_rows_loop *)context;
+    const dgfem_sharing *sharing = loop->matrix->sharing;
+    loop->fn(loop->context, loop->matrix, sharing->row[first], sharing->row[last], sharing->diagonal[first]);
+}
+
+/* By the chunks that threads share. */
+static void dgfemi_for_rows(const dgfem_matrix *matrix, dgfemi_rows_fn fn, void *context) {
+    dgfemi_rows_loop loop;
+    if (!matrix->sharing) {
+        fn(context, matrix, 0, matrix->block_count, 0);
+        return;
+    }
+    loop.matrix = matrix, loop.fn = fn, loop.context = context;
+    dgfemi_parallel_for(&matrix->hooks, matrix->sharing->chunk_count, 1, dgfemi_rows_of_chunks, &loop);
 }

@@ -37,13 +37,6 @@ static void dgfemi_add_product_of(const dgfemi_ssor *s, const dgfem_real *block,
     else dgfemi_block_multiply(block, rows, columns, x, y);
 }
 
-/* y += A^T x */
-static void dgfemi_add_transposed_product(const dgfemi_ssor *s, const dgfem_real *block, int rows, int columns,
-                                          const dgfem_real *x, dgfem_real *y) {
-    if (s->kernels && columns >= 12) s->kernels->multiply_block(block, rows, columns, NULL, NULL, x, y);
-    else dgfemi_block_multiply_transposed(block, rows, columns, x, y);
-}
-
 /* x = (D + L)^-1 x. The diagonal blocks and their inverses are symmetric: transposed products are faster. */
 static void dgfemi_ssor_forward(const dgfemi_ssor *s, dgfem_real *x) {
     const dgfem_matrix *matrix = s->matrix;
@@ -59,7 +52,7 @@ static void dgfemi_ssor_forward(const dgfemi_ssor *s, dgfem_real *x) {
                                   sum);
         for (int i = 0; i < n; i++) sum[i] = own[i] - sum[i];
         memset(own, 0, (size_t)n * sizeof *own);
-        dgfemi_add_transposed_product(s, inverse, n, n, sum, own);
+        dgfemi_add_transposed_product(s->kernels, inverse, n, n, sum, own);
         inverse += (size_t)n * (size_t)n;
     }
 }
@@ -75,21 +68,35 @@ static void dgfemi_ssor_backward(const dgfemi_ssor *s, const dgfem_real *p, dgfe
         int n = dgfemi_block_size(matrix, r), first = matrix->offset[r];
         inverse -= (size_t)n * (size_t)n;
         for (int i = 0; i < n; i++) difference[i] = p[first + i] - rest[first + i];
-        dgfemi_add_transposed_product(s, inverse, n, n, difference, t + first);
+        dgfemi_add_transposed_product(s->kernels, inverse, n, n, difference, t + first);
         for (int k = matrix->row_start[r]; k < dgfemi_diagonal_index(matrix, r); k++)
-            dgfemi_add_transposed_product(s, matrix->values + matrix->value_start[k], n,
+            dgfemi_add_transposed_product(s->kernels, matrix->values + matrix->value_start[k], n,
                                           dgfemi_block_size(matrix, matrix->column[k]), t + first,
                                           rest + matrix->offset[matrix->column[k]]);
     }
 }
 
+typedef struct dgfemi_ssor_vectors {
+    const dgfem_real *r;
+    dgfem_real *z;
+} dgfemi_ssor_vectors;
+
+static void dgfemi_ssor_diagonal_rows(void *context, const dgfem_matrix *matrix, int first, int last, size_t diagonal) {
+    const dgfemi_ssor_vectors *vectors = (const dgfemi_ssor_vectors *)context;
+    const dgfemi_kernels *kernels = dgfemi_product_kernels();
+    (void)diagonal;
+    memset(vectors->z + matrix->offset[first], 0,
+           (size_t)(matrix->offset[last] - matrix->offset[first]) * sizeof(dgfem_real));
+    for (int k = first; k < last; k++) {
+        int n = dgfemi_block_size(matrix, k), at = matrix->offset[k];
+        dgfemi_add_transposed_product(kernels, matrix->values + matrix->value_start[dgfemi_diagonal_index(matrix, k)],
+                                      n, n, vectors->r + at, vectors->z + at);
+    }
+}
+
 /* z = D r */
 static void dgfemi_ssor_diagonal(const dgfemi_ssor *s, const dgfem_real *r, dgfem_real *z) {
-    const dgfem_matrix *matrix = s->matrix;
-    memset(z, 0, (size_t)matrix->size * sizeof *z);
-    for (int k = 0; k < matrix->block_count; k++) {
-        int n = dgfemi_block_size(matrix, k), first = matrix->offset[k];
-        dgfemi_add_transposed_product(s, matrix->values + matrix->value_start[dgfemi_diagonal_index(matrix, k)], n, n,
-                                      r + first, z + first);
-    }
+    dgfemi_ssor_vectors vectors;
+    vectors.r = r, vectors.z = z;
+    dgfemi_for_rows(s->matrix, dgfemi_ssor_diagonal_rows, &vectors);
 }

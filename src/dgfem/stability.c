@@ -16,33 +16,24 @@
    monomial k (rows: components of the traction, columns: b). */
 static void dgfemi_traction_coefficients(const dgfemi_face_frame *frame, int j, dgfem_vec3 n, dgfem_real lambda,
                                          dgfem_real mu, dgfem_mat3 *out) {
-    int lower_count = dgfem_monomial_count(frame->degree - 1);
-    dgfem_vec3 gradient[DGFEM_MAX_BASIS];
-    memset(gradient, 0, sizeof gradient);
-    for (int k = 1; k < frame->count; k++)
-        for (int axis = 0; axis < 3; axis++) {
-            int lower = dgfemi_derivative_index(k, axis);
-            if (lower == DGFEM_NONE) continue;
-            dgfem_real d = (dgfem_real)dgfemi_exponents[k][axis] * frame->jump[j][k] / frame->scale;
-            if (axis == 0) gradient[lower].x += d;
-            if (axis == 1) gradient[lower].y += d;
-            if (axis == 2) gradient[lower].z += d;
-        }
-    memset(out, 0, (size_t)lower_count * sizeof *out);
-    for (int k = 0; k < lower_count; k++) dgfemi_add_elastic(lambda, mu, n, gradient[k], &out[k]);
+    memset(out, 0, (size_t)frame->lower_count * sizeof *out);
+    for (int k = 0; k < frame->lower_count; k++) {
+        const dgfem_real(*g)[DGFEM_MAX_LOWER_BASIS] = frame->gradient[j];
+        dgfemi_add_elastic(lambda, mu, n, dgfemi_vec3(g[0][k], g[1][k], g[2][k]), &out[k]);
+    }
 }
 
-/* a += s int_f T_i^T W T_j for all functions of the element, which is side 0 of the frame. */
-static void dgfemi_add_traction_energy(const dgfemi_face_frame *frame, int count, dgfem_vec3 n, dgfem_real lambda,
+/* a += s int_f T_i^T W T_j for all functions of the element, which begin with `first` in the frame. */
+static void dgfemi_add_traction_energy(const dgfemi_face_frame *frame, int first, int count, dgfem_vec3 n, dgfem_real lambda,
                                        dgfem_real mu, dgfem_real s, dgfem_real *a) {
-    dgfem_mat3 t[DGFEM_MAX_BASIS][10], w;
-    int lower_count = dgfem_monomial_count(frame->degree - 1);
+    dgfem_mat3 t[DGFEM_MAX_BASIS][DGFEM_MAX_LOWER_BASIS], w;
+    int lower_count = frame->lower_count;
     memset(&w, 0, sizeof w);
     w.m[0][0] = w.m[1][1] = w.m[2][2] = s / mu;
     dgfemi_add_outer(&w, s / (lambda + 2 * mu) - s / mu, n, n);
-    for (int j = 0; j < count; j++) dgfemi_traction_coefficients(frame, j, n, lambda, mu, t[j]);
+    for (int j = 0; j < count; j++) dgfemi_traction_coefficients(frame, first + j, n, lambda, mu, t[j]);
     for (int j = 1; j < count; j++) {
-        dgfem_mat3 moment[10]; /* int m_l W T_j */
+        dgfem_mat3 moment[DGFEM_MAX_LOWER_BASIS]; /* int m_l W T_j */
         for (int l = 0; l < lower_count; l++) {
             memset(&moment[l], 0, sizeof moment[l]);
             for (int k = 0; k < lower_count; k++) {
@@ -90,8 +81,7 @@ static void dgfemi_stability_pair(const dgfem_body *body, int element, dgfem_rea
         int side = form.element[0] != element;
         dgfem_real weight = form.weight * body->desc.eta / form.eta_stiff;
         dgfemi_face_frame_set(body, &form, &frame);
-        if (side) memmove(frame.jump, frame.jump + form.count[0], (size_t)n * sizeof frame.jump[0]);
-        dgfemi_add_traction_energy(&frame, n, body->mesh->faces[form.face].normal, lambda, mu, weight, a);
+        dgfemi_add_traction_energy(&frame, side ? form.count[0] : 0, n, body->mesh->faces[form.face].normal, lambda, mu, weight, a);
     }
 }
 
