@@ -7,8 +7,9 @@
 #include "check_matrix.h"
 #include "check_threads.h"
 
-static const dgfem_ordering all_orderings[4] = {DGFEM_ORDERING_AUTO, DGFEM_ORDERING_NATURAL,
-                                                DGFEM_ORDERING_MINIMUM_DEGREE, DGFEM_ORDERING_NESTED_DISSECTION};
+static const dgfem_ordering all_orderings[5] = {DGFEM_ORDERING_AUTO, DGFEM_ORDERING_NATURAL,
+                                                DGFEM_ORDERING_MINIMUM_DEGREE, DGFEM_ORDERING_NESTED_DISSECTION,
+                                                DGFEM_ORDERING_QUICK};
 
 static dgfem_simd instruction_set = DGFEM_SIMD_AUTO; /* that `analyse` asks for */
 
@@ -63,7 +64,7 @@ static void random_structures_match_the_dense_solution(void **state) {
     for (round = 0; round < (check_long() ? 32 : 12); round++) {
         int count = 1 + check_random_int(&random, 36);
         check_blocks blocks = check_blocks_random(&random, count, check_random_int(&random, 2 * count));
-        check_against_dense(&blocks, &random, all_orderings[round % 4]);
+        check_against_dense(&blocks, &random, all_orderings[round % 5]);
         check_blocks_free(&blocks);
     }
 }
@@ -87,7 +88,7 @@ static void small_structures_match_the_dense_solution(void **state) {
                 if (blocks.pairs[2 * k] % 12 == 6 || blocks.pairs[2 * k + 1] % 12 == 6)
                     blocks.pairs[2 * k] = blocks.pairs[2 * k + 1];
         }
-        for (k = 0; k < 4; k++) check_against_dense(&blocks, &random, all_orderings[k]);
+        for (k = 0; k < 5; k++) check_against_dense(&blocks, &random, all_orderings[k]);
         check_blocks_free(&blocks);
     }
 }
@@ -267,7 +268,7 @@ static void orders_are_permutations(void **state) {
             break;
         default: break;
         }
-        for (i = 0; i < 4; i++) check_order(&blocks, all_orderings[i]);
+        for (i = 0; i < 5; i++) check_order(&blocks, all_orderings[i]);
         check_blocks_free(&blocks);
     }
 }
@@ -281,7 +282,7 @@ static void counted_work_is_that_of_dense_elimination(void **state) {
         int count = 2 + check_random_int(&random, 30);
         check_blocks blocks = check_blocks_random(&random, count, check_random_int(&random, 2 * count));
         dgfem_matrix *matrix = check_matrix_make(&blocks, 1);
-        dgfem_cholesky *cholesky = analyse(matrix, all_orderings[round % 4]);
+        dgfem_cholesky *cholesky = analyse(matrix, all_orderings[round % 5]);
         int n = matrix->size;
         unsigned char *filled = (unsigned char *)calloc((size_t)(n * n), 1);
         int *place = (int *)calloc((size_t)n, sizeof(int));
@@ -370,6 +371,20 @@ static void automatic_choice_takes_what_needs_less_work(void **state) {
     assert_true(degree < dissection);
     assert_true(best == degree);
     check_blocks_free(&blocks);
+}
+
+/* Where a factorization is little work dissection is not tried; where it is much it is. */
+static void quick_choice_tries_dissection_of_large_grids_only(void **state) {
+    check_blocks small = check_blocks_grid(6, 6, 6, 12), large = check_blocks_grid(10, 10, 10, 12);
+    double small_degree = check_order(&small, DGFEM_ORDERING_MINIMUM_DEGREE).flops;
+    (void)state;
+    assert_true(check_order(&small, DGFEM_ORDERING_NESTED_DISSECTION).flops < small_degree);
+    assert_true(check_order(&small, DGFEM_ORDERING_QUICK).flops == small_degree);
+    assert_true(check_order(&large, DGFEM_ORDERING_QUICK).flops == check_order(&large, DGFEM_ORDERING_AUTO).flops);
+    assert_true(check_order(&large, DGFEM_ORDERING_QUICK).flops <
+                check_order(&large, DGFEM_ORDERING_MINIMUM_DEGREE).flops);
+    check_blocks_free(&small);
+    check_blocks_free(&large);
 }
 
 /* Trees have orders without fill, and minimum degree finds them. */
@@ -803,6 +818,7 @@ int main(void) {
         cmocka_unit_test(dissection_needs_least_work_on_a_grid),
         cmocka_unit_test(dissection_narrows_rough_separators),
         cmocka_unit_test(automatic_choice_takes_what_needs_less_work),
+        cmocka_unit_test(quick_choice_tries_dissection_of_large_grids_only),
         cmocka_unit_test(minimum_degree_makes_no_fill_in_trees),
         cmocka_unit_test(failed_pivots_name_their_block),
         cmocka_unit_test(pivots_without_a_correct_digit_fail),

@@ -453,7 +453,8 @@ typedef enum dgfem_ordering {
     DGFEM_ORDERING_AUTO,              /* nested dissection or, without centres or if that is better, minimum degree */
     DGFEM_ORDERING_NATURAL,
     DGFEM_ORDERING_MINIMUM_DEGREE,
-    DGFEM_ORDERING_NESTED_DISSECTION  /* needs the matrix's centres */
+    DGFEM_ORDERING_NESTED_DISSECTION, /* needs the matrix's centres */
+    DGFEM_ORDERING_QUICK              /* as auto, for few factorizations: minimum degree alone where these cost little */
 } dgfem_ordering;
 
 /* The instruction set that dense kernels use. Results differ in round-off from one to another. */

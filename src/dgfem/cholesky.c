@@ -22,7 +22,7 @@ DGFEM_API dgfem_status dgfem_cholesky_create(const dgfem_matrix *matrix, const d
     status = dgfemi_check_cookie(desc, desc ? desc->cookie : 0);
     if (status) return status;
     if (!matrix || !out) return dgfemi_fail(&desc->hooks, DGFEM_ERROR_ARGUMENT, "cholesky: matrix or out is NULL");
-    if ((int)desc->ordering < 0 || desc->ordering > DGFEM_ORDERING_NESTED_DISSECTION)
+    if ((int)desc->ordering < 0 || desc->ordering > DGFEM_ORDERING_QUICK)
         return dgfemi_fail(&desc->hooks, DGFEM_ERROR_ARGUMENT, "cholesky: unknown ordering %d", (int)desc->ordering);
     if (desc->ordering == DGFEM_ORDERING_NESTED_DISSECTION && !matrix->centres)
         return dgfemi_fail(&desc->hooks, DGFEM_ERROR_ARGUMENT, "cholesky: nested dissection needs the blocks' centres");

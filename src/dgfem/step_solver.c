@@ -137,10 +137,12 @@ static double dgfemi_guess_cost(const dgfem_step_solver *solver) {
     return 2 * solver->solve_work + solver->factor_work / 30;
 }
 
-/* Symbolic analysis of the body's matrix, if there is none. */
+/* Symbolic analysis of the body's matrix, if there is none. After a change of topology, when there may be another one soon,
+   it is a quick one unless every step factors. */
 static dgfem_status dgfemi_analyse_body(dgfem_body *body) {
     dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
     if (body->cholesky) return DGFEM_OK;
+    if (body->revision > 0 && body->step_solver) desc.ordering = DGFEM_ORDERING_QUICK;
     desc.hooks = body->hooks;
     desc.hooks.log = NULL; /* the creating functions leave the line for DGFEM_ERROR_MEMORY to their callers */
     dgfem_status status = dgfem_cholesky_create(body->matrix, &desc, &body->cholesky);
