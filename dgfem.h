@@ -6868,9 +6868,9 @@ static int dgfemi_join_cross(const dgfemi_joiner *joiner, int a, int b, dgfem_re
 }
 
 /* The loop that a ray from this loop's vertex of smallest u towards smaller u meets first. An edge that bounds the
-   region there has it on the side of larger u and so runs down, towards smaller v. For a loop that is known to be a hole
-   only such edges count; any other loop is a hole if the first edge of all is such a one. Only loops of its `label`
-   count, which may be NULL. DGFEM_NONE: no hole.
+   region there has it on the side of larger u and so runs down, towards smaller v. For a loop that is known to be a
+   hole only such edges count; any other loop is a hole if the first edge of all is such a one. Only loops of its
+   `label` count, which may be NULL. DGFEM_NONE: no hole.
 
           |   region    +---+
           v  <----------+   |  hole
@@ -16704,7 +16704,7 @@ static int dgfemi_locator_bucket_count(const dgfemi_locator *locator) {
     return locator->size[0] * locator->size[1] * locator->size[2];
 }
 
-/* The buckets that a box meets: first <= i, j, k <= last. What lies outside of them all belongs to the outermost ones. */
+/* The buckets that a box meets: first <= i, j, k <= last. What is outside of them all belongs to the outermost ones. */
 typedef struct dgfemi_locator_range {
     int first[3], last[3];
 } dgfemi_locator_range;
@@ -16850,8 +16850,8 @@ static int dgfemi_element_winds_around(const dgfem_mesh *mesh, int element, dgfe
 
 #define DGFEM_STEEP DGFEM_R(1e-3) /* a ray that meets a face at a smaller sine says nothing */
 
-/* Whether the ray from x along the x axis passes through a face, seen along the ray: 1, 0, or -1 where it passes an edge
-   too closely to tell. */
+/* Whether the ray from x along the x axis passes through a face, seen along the ray: 1, 0, or -1 where it passes an
+   edge too closely to tell. */
 static int dgfemi_face_meets_ray(const dgfem_mesh *mesh, const dgfem_face *face, dgfem_vec3 x, dgfem_real near) {
     int inside = 0;
     for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++) {
@@ -17017,6 +17017,45 @@ static dgfemi_location dgfemi_locate_in(const dgfem_mesh *mesh, int element, dgf
         if (location.distance < 0 || distance < location.distance) location.distance = distance, location.nearest = p;
     }
     return location;
+}
+
+/* ---- the inside of an element ---- */
+
+/* Whether an element contains a point and has all of its faces farther away than `margin`. */
+static int dgfemi_element_encloses(const dgfem_mesh *mesh, int element, dgfem_vec3 x, dgfem_real margin) {
+    const dgfem_element *e = &mesh->elements[element];
+    for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        if (!dgfemi_face_is_farther(face, x, margin) &&
+            !(dgfemi_distance(dgfemi_face_nearest(mesh, face, x), x) > margin))
+            return 0;
+    }
+    return dgfemi_element_contains(mesh, element, x);
+}
+
+#define DGFEM_DEPTH DGFEM_R(0.02) /* of the way from a point on the boundary to the centre, or of the radius */
+#define DGFEM_DEPTH_ROUNDS 6
+
+/* A point inside an element near one of its points: beyond round-off, so that no other element contains it. On the way
+   to the centre; where that leads out of the element, which need not be convex, straight in from the faces around. */
+static dgfem_vec3 dgfemi_locate_inside(const dgfem_mesh *mesh, int element, dgfem_vec3 x) {
+    const dgfem_element *e = &mesh->elements[element];
+    dgfem_real near = DGFEM_ON_FACE * e->radius, depth = DGFEM_DEPTH * e->radius;
+    dgfem_vec3 inwards = dgfemi_vec3(0, 0, 0), first = dgfemi_add_scaled(x, DGFEM_DEPTH, dgfemi_sub(e->centre, x));
+    if (dgfemi_element_encloses(mesh, element, first, 2 * near)) return first;
+    for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        if (dgfemi_face_is_farther(face, x, near) || dgfemi_distance(dgfemi_face_nearest(mesh, face, x), x) > near)
+            continue;
+        inwards = dgfemi_add_scaled(inwards, (dgfem_real)-dgfemi_mesh_sign(mesh, element, mesh->element_faces[k]),
+                                    face->normal);
+    }
+    inwards = dgfemi_normalized(inwards);
+    for (int round = 0; round < DGFEM_DEPTH_ROUNDS; round++, depth *= DGFEM_R(0.5)) {
+        dgfem_vec3 inside = dgfemi_add_scaled(x, depth, inwards);
+        if (dgfemi_element_encloses(mesh, element, inside, 2 * near)) return inside;
+    }
+    return first;
 }
 
 /* ==== embed.c ===================================================================================================== */
@@ -17253,25 +17292,7 @@ typedef struct dgfemi_sampling {
 
 /* stack: room for all elements. */
 static void dgfemi_sampling_components(dgfemi_sampling *sampling, int *stack) {
-    const dgfem_mesh *mesh = sampling->mesh;
-    int components = 0;
-    for (int e = 0; e < mesh->element_count; e++) sampling->component[e] = DGFEM_NONE;
-    for (int seed = 0; seed < mesh->element_count; seed++) {
-        int depth = 0;
-        if (sampling->component[seed] != DGFEM_NONE) continue;
-        sampling->component[seed] = components;
-        stack[depth++] = seed;
-        while (depth > 0) {
-            int e = stack[--depth];
-            for (int k = sampling->neighbour_start[e]; k < sampling->neighbour_start[e + 1]; k++) {
-                int neighbour = sampling->neighbour[k];
-                if (sampling->component[neighbour] != DGFEM_NONE) continue;
-                sampling->component[neighbour] = components;
-                stack[depth++] = neighbour;
-            }
-        }
-        components++;
-    }
+    int components = dgfemi_mesh_pieces(sampling->mesh, sampling->component, stack);
     for (int i = 0; i < components; i++) sampling->component_samples[i] = 0;
     for (int s = 0; s < sampling->embedding->sample_count; s++) {
         int element = sampling->embedding->term_element[sampling->embedding->term_start[s]];
@@ -18139,8 +18160,9 @@ typedef struct dgfemi_weights {
 
 /* The weights of a view's i-th point. 1 on success. */
 static int dgfemi_weights_append(dgfemi_weights *weights, const dgfemi_view *view, int i) {
-    int point = view->points[i], first = view->first[i], count = view->count[i], needed = weights->used + count;
+    int point = view->points[i], first = view->first[i], count = view->count[i], needed;
     if (count > INT_MAX - weights->used) return 0;
+    needed = weights->used + count;
     if (needed > weights->sample_capacity) {
         void *grown = dgfemi_grow(weights->hooks, weights->sample, &weights->sample_capacity, needed, sizeof(int));
         if (!grown) return 0;
@@ -24603,7 +24625,8 @@ static int dgfemi_skin_find_layers(dgfemi_skin_cutter *c) {
     return stack && c->layer;
 }
 
-/* Inverts an element's map by Newton's method: the material point that it takes to x. 0 where that does not converge. */
+/* Inverts an element's map by Newton's method: the material point that it takes to x. 0 where that does not
+   converge. */
 static int dgfemi_skin_invert(const dgfem_body *body, int element, dgfem_vec3 x, dgfem_vec3 *rest) {
     const dgfem_element *e = &body->mesh->elements[element];
     dgfem_vec3 r;
@@ -24623,13 +24646,13 @@ static int dgfemi_skin_invert(const dgfem_body *body, int element, dgfem_vec3 x,
     return dgfemi_norm(r) <= DGFEM_R(1e-3) * (e->radius + dgfemi_distance(*rest, e->centre));
 }
 
-/* A corner of the polygon that lies farther than this outside every element of a layer, in radii, is left out: there the
-   slit does not close, and the polygon may be as large as it likes. */
+/* A corner of the polygon that lies farther than this outside every element of a layer, in radii, is left out: there
+   the slit does not close, and the polygon may be as large as it likes. */
 #define DGFEM_CORNER_REACH DGFEM_R(0.25)
 
-/* The material point of a layer (DGFEM_NONE: of all layers) that is now at x, or which an element's map would take there
-   whose outside it is nearest to; and that element. Returns how far outside it lies, in radii of the element, where that
-   is at most DGFEM_CORNER_REACH, else something larger. */
+/* The material point of a layer (DGFEM_NONE: of all layers) that is now at x, or which an element's map would take
+   there whose outside it is nearest to; and that element. Returns how far outside it lies, in radii of the element,
+   where that is at most DGFEM_CORNER_REACH, else something larger. */
 static dgfem_real dgfemi_skin_rest_of(const dgfemi_skin_cutter *c, dgfem_vec3 x, int layer, dgfem_vec3 *out,
                                       int *element) {
     const dgfem_mesh *mesh = c->before->mesh;
@@ -24802,8 +24825,8 @@ static int dgfemi_skin_follow_polygon(dgfemi_skin_cutter *c, int from, int to, i
 }
 
 /* Tips of one layer in the order in which the polygon's boundary leaves it (where the slit enters the polygon) and
-   enters it by turns. Some share a place, as where it crosses both walls of an earlier slit: there the turns decide. The
-   second round knows which turn it is at the first tip. */
+   enters it by turns. Some share a place, as where it crosses both walls of an earlier slit: there the turns decide.
+   The second round knows which turn it is at the first tip. */
 static void dgfemi_order_tips(dgfemi_tip *tips, int count) {
     for (int round = 0; round < 2; round++)
         for (int i = 0; i + 1 < count; i++) {
@@ -24814,8 +24837,8 @@ static void dgfemi_order_tips(dgfemi_tip *tips, int count) {
         }
 }
 
-/* Whether the first corner of the polygon lies in the layer (1) or not (0), as the tips tell: the boundary is inside once
-   between places where it enters and leaves, else outside, but for short stretches. */
+/* Whether the first corner of the polygon lies in the layer (1) or not (0), as the tips tell: the boundary is inside
+   once between places where it enters and leaves, else outside, but for short stretches. */
 static int dgfemi_skin_starts_inside(const dgfemi_tip *tips, int count, int corners) {
     double wrong[2] = {0, 0}, at = tips[count - 1].at - corners;
     int level = 0;
@@ -24827,9 +24850,10 @@ static int dgfemi_skin_starts_inside(const dgfemi_tip *tips, int count, int corn
     return wrong[1] < wrong[0];
 }
 
-/* Joins each place where the slit leaves the polygon with one where it enters it again. Along the boundary, from a place
-   outside the layer, these are nested like brackets: between them it runs inside, or, where flaps overlap in the world
-   or are turned inside out, inside several times or minus once. open: room for `count` tips. 1 on success. */
+/* Joins each place where the slit leaves the polygon with one where it enters it again. Along the boundary, from a
+   place outside the layer, these are nested like brackets: between them it runs inside, or, where flaps overlap in
+   the world or are turned inside out, inside several times or minus once. open: room for `count` tips. 1 on
+   success. */
 static int dgfemi_skin_join_tips(dgfemi_skin_cutter *c, const dgfemi_tip *tips, int count, const dgfemi_tip **open) {
     int corners = c->blade->polygon_count, depth = 0, first = 0;
     int winding = dgfemi_skin_starts_inside(tips, count, corners);
@@ -24965,6 +24989,7 @@ static int dgfemi_skin_triangulate_region(dgfemi_skin_cutter *c, dgfemi_arena *a
 /* Segments -> loops -> regions -> triangles. Loops that do not close get none. 1 on success. */
 static int dgfemi_skin_triangulate(dgfemi_skin_cutter *c, dgfemi_arena *arena) {
     dgfem_mesh flat; /* the joiner looks at its vertices only */
+    dgfemi_arena region = dgfemi_arena_make(c->hooks); /* one region's after another's */
     dgfemi_joiner joiner;
     dgfem_status status;
     int ok = 1;
@@ -24983,8 +25008,11 @@ static int dgfemi_skin_triangulate(dgfemi_skin_cutter *c, dgfemi_arena *arena) {
     dgfemi_projection_axes(c->blade->normal, &joiner.axis_u, &joiner.axis_v);
     status = dgfemi_join_loops(&joiner, &c->segments);
     if (status == DGFEM_OK) status = dgfemi_join_regions(&joiner);
-    for (int l = 0; ok && status == DGFEM_OK && l < dgfemi_join_loop_count(&joiner); l++)
-        if (joiner.owner.data[l] == l) ok = dgfemi_skin_triangulate_region(c, arena, &joiner, l);
+    for (int l = 0; ok && status == DGFEM_OK && l < dgfemi_join_loop_count(&joiner); l++) {
+        if (joiner.owner.data[l] == l) ok = dgfemi_skin_triangulate_region(c, &region, &joiner, l);
+        dgfemi_arena_reuse(&region);
+    }
+    dgfemi_arena_free(&region);
     dgfemi_joiner_free(&joiner);
     return ok && status != DGFEM_ERROR_MEMORY;
 }
@@ -25300,13 +25328,11 @@ static int dgfemi_skin_make_walls(dgfemi_skin_cutter *c) {
 
 /* ---- places: no weight across the cut ---- */
 
-/* An anchor goes this part of the way from its place to the element's centre: inside, beyond round-off. */
-#define DGFEM_ANCHOR_DEPTH DGFEM_R(0.02)
-
 /* The elements as the blade sees them. */
 typedef struct dgfemi_blade_sides {
     signed char *sign; /* [elements] side of the element's centre */
     char *at_blade;    /* [elements] 1 for those with a face that the blade has cut */
+    char *at_cut;      /* [elements] 1 for those with a cut face */
     char *on_blade;    /* [faces] */
     int *mark, *queue; /* [elements] search that met the element last; room for one search */
     int stamp;
@@ -25316,13 +25342,13 @@ static dgfem_vec3 dgfemi_skin_element_world(const dgfem_body *body, int element,
     return dgfemi_add(x, dgfemi_evaluate(body, body->displacement, element, x));
 }
 
-/* Whether the blade has cut a face: open, near it, between elements whose centres are on different sides. */
+/* Whether the blade has cut a face that is open: near it, between elements whose centres are on different sides. */
 static int dgfemi_skin_is_on_blade(const dgfemi_skin_cutter *c, const dgfemi_blade_sides *sides, int face) {
     const dgfem_mesh *mesh = c->body->mesh;
     const dgfem_face *f = &mesh->faces[face];
     int a = f->element[0], b = f->element[1];
     dgfem_vec3 x;
-    if (b == DGFEM_NONE || !f->cut || sides->sign[a] == sides->sign[b]) return 0;
+    if (sides->sign[a] == sides->sign[b]) return 0;
     x = dgfemi_scale(DGFEM_R(0.5), dgfemi_add(dgfemi_skin_element_world(c->body, a, f->centre),
                                               dgfemi_skin_element_world(c->body, b, f->centre)));
     return dgfemi_abs(dgfemi_blade_distance(c->blade, x)) <=
@@ -25336,17 +25362,20 @@ static int dgfemi_skin_find_sides(dgfemi_arena *arena, const dgfemi_skin_cutter 
     memset(sides, 0, sizeof *sides);
     sides->sign = (signed char *)dgfemi_arena_allocate(arena, elements, 1);
     sides->at_blade = (char *)dgfemi_arena_allocate_zero(arena, elements, 1);
+    sides->at_cut = (char *)dgfemi_arena_allocate_zero(arena, elements, 1);
     sides->on_blade = (char *)dgfemi_arena_allocate_zero(arena, (size_t)mesh->face_count, 1);
     sides->mark = (int *)dgfemi_arena_allocate_zero(arena, elements, sizeof(int));
     sides->queue = (int *)dgfemi_arena_allocate(arena, elements, sizeof(int));
-    if (!sides->sign || !sides->at_blade || !sides->on_blade || !sides->mark || !sides->queue) return 0;
+    if (!sides->sign || !sides->at_blade || !sides->at_cut || !sides->on_blade || !sides->mark || !sides->queue)
+        return 0;
     for (int e = 0; e < mesh->element_count; e++)
         sides->sign[e] =
             dgfemi_blade_side(c->blade, dgfemi_skin_element_world(c->body, e, mesh->elements[e].centre)) ? 1 : -1;
     for (int f = 0; f < mesh->face_count; f++) {
-        if (!dgfemi_skin_is_on_blade(c, sides, f)) continue;
-        sides->on_blade[f] = 1;
-        sides->at_blade[mesh->faces[f].element[0]] = sides->at_blade[mesh->faces[f].element[1]] = 1;
+        int a = mesh->faces[f].element[0], b = mesh->faces[f].element[1];
+        if (b == DGFEM_NONE || !mesh->faces[f].cut) continue;
+        sides->at_cut[a] = sides->at_cut[b] = 1;
+        if (dgfemi_skin_is_on_blade(c, sides, f)) sides->on_blade[f] = sides->at_blade[a] = sides->at_blade[b] = 1;
     }
     return 1;
 }
@@ -25393,8 +25422,9 @@ static int dgfemi_skin_twin(const dgfemi_skin_cutter *c, int vertex) {
     return parent->side == v->side && parent->slit == v->slit ? v->parent[0] : DGFEM_NONE;
 }
 
-/* Places of the vertices of the result; those at the cut get anchors on their own side. The skin's own vertices are
-   where they were if their elements are; `kinship` NULL: all are. */
+/* Places of the vertices of the result; those at the cut get anchors on their own side, and those in other elements
+   at a cut get anchors inside them. The skin's own vertices are where they were if their elements are; `kinship`
+   NULL: all are. */
 static void dgfemi_skin_place(dgfemi_skin_cutter *c, dgfemi_blade_sides *sides, const dgfemi_kinship *kinship,
                               dgfemi_places *places) {
     dgfemi_locator *locator = places->locator;
@@ -25420,9 +25450,11 @@ static void dgfemi_skin_place(dgfemi_skin_cutter *c, dgfemi_blade_sides *sides, 
                 location = dgfemi_skin_nearest_on_side(sides, locator, e, v->anchor, v->side);
             else if (known) location = dgfemi_locate_in(mesh, e, v->anchor);
             e = location.element;
-            v->anchor = dgfemi_add_scaled(location.nearest, DGFEM_ANCHOR_DEPTH,
-                                          dgfemi_sub(mesh->elements[e].centre, location.nearest));
+            v->anchor = dgfemi_locate_inside(mesh, e, location.nearest);
             known = 0;
+        } else if (!moved && sides->at_cut[e]) {
+            if (known) location = dgfemi_locate_in(mesh, e, v->rest);
+            v->anchor = dgfemi_locate_inside(mesh, e, location.nearest);
         }
         if (!known && moved) location = dgfemi_locate_in(mesh, e, v->rest);
         places->element[i] = e;
@@ -25438,17 +25470,16 @@ typedef struct dgfemi_skin_tear {
     dgfemi_location location;
 } dgfemi_skin_tear;
 
-/* The blade cuts elements and triangles each by themselves; where a body is cut again and again as it moves, slits of the
-   two may end a little beside each other, and a triangle is left whose corners are carried by elements that nothing
+/* The blade cuts elements and triangles each by themselves; where a body is cut again and again as it moves, slits of
+   the two may end a little beside each other, and a triangle is left whose corners are carried by elements that nothing
    holds together any more. It would be drawn out without end: instead its corners in the minority move to the others'
    side. A vertex of which all triangles ask for it moves, of any other a copy does. */
 typedef struct dgfemi_skin_tearer {
     dgfemi_skin_cutter *cutter;
     const dgfemi_locator *locator;
     dgfemi_places *places;
-    char *at_cut; /* [elements] 1: has a cut face */
-    int *group;   /* [elements] search that met it last */
-    int *queue;   /* [elements] */
+    int *group; /* [elements] search that met it last */
+    int *queue; /* [elements] */
     int stamp;
     dgfemi_skin_tear *tears;
     int tear_count, tear_capacity;
@@ -25510,7 +25541,8 @@ static int dgfemi_skin_hang_together(const dgfem_mesh *mesh, int a, int b, int c
            2;
 }
 
-/* Floods from the corner whose surroundings hold most of the three. Returns the number of elements; *held: of corners. */
+/* Floods from the corner whose surroundings hold most of the three. Returns the number of elements; *held: of
+   corners. */
 static int dgfemi_skin_flood_majority(dgfemi_skin_tearer *t, const int *corner, int *held) {
     dgfem_vec3 centre;
     dgfem_real radius = dgfemi_skin_ball(t, corner, &centre);
@@ -25612,8 +25644,7 @@ static int dgfemi_skin_apply_tears(dgfemi_skin_tearer *t, dgfemi_arena *arena, i
         const dgfemi_skin_tear *tear = &t->tears[i];
         const dgfemi_location *l = &tear->location;
         dgfemi_skin_vertex *v = &c->vertices[tear->copy];
-        v->anchor = dgfemi_add_scaled(l->nearest, DGFEM_ANCHOR_DEPTH,
-                                      dgfemi_sub(mesh->elements[l->element].centre, l->nearest));
+        v->anchor = dgfemi_locate_inside(mesh, l->element, l->nearest);
         places.element[tear->copy] = l->element;
         places.window[tear->copy] = dgfemi_window_position(mesh, l, v->rest);
         c->triangles.data[tear->corner] = tear->copy;
@@ -25622,27 +25653,23 @@ static int dgfemi_skin_apply_tears(dgfemi_skin_tearer *t, dgfemi_arena *arena, i
     return 1;
 }
 
-/* Only triangles with a corner in an element at a cut can be torn. 1 on success. */
+/* Only triangles with a corner in an element at a cut (at_cut[elements]) can be torn. 1 on success. */
 static int dgfemi_skin_tear_triangles(dgfemi_arena *arena, dgfemi_skin_cutter *c, const dgfemi_locator *locator,
-                                      dgfemi_places *places) {
+                                      const char *at_cut, dgfemi_places *places) {
     const dgfem_mesh *mesh = locator->mesh;
     size_t elements = (size_t)mesh->element_count;
     int count = c->vertex_count, ok, *used = (int *)dgfemi_arena_allocate_zero(arena, (size_t)count, sizeof(int));
     dgfemi_skin_tearer t;
     memset(&t, 0, sizeof t);
     t.cutter = c, t.locator = locator, t.places = places;
-    t.at_cut = (char *)dgfemi_arena_allocate_zero(arena, elements, 1);
     t.group = (int *)dgfemi_arena_allocate_zero(arena, elements, sizeof(int));
     t.queue = (int *)dgfemi_arena_allocate(arena, elements, sizeof(int));
-    ok = used && t.at_cut && t.group && t.queue;
-    for (int f = 0; ok && f < mesh->face_count; f++)
-        if (mesh->faces[f].cut && mesh->faces[f].element[1] != DGFEM_NONE)
-            t.at_cut[mesh->faces[f].element[0]] = t.at_cut[mesh->faces[f].element[1]] = 1;
+    ok = used && t.group && t.queue;
     for (int i = 0; ok && i < c->triangles.count; i++) used[c->triangles.data[i]]++;
     for (int i = 0; ok && i < c->triangles.count; i += 3) {
         const int *corner = c->triangles.data + i;
         int a = places->element[corner[0]], b = places->element[corner[1]], d = places->element[corner[2]];
-        if (!(t.at_cut[a] || t.at_cut[b] || t.at_cut[d]) || dgfemi_skin_hang_together(mesh, a, b, d)) continue;
+        if (!(at_cut[a] || at_cut[b] || at_cut[d]) || dgfemi_skin_hang_together(mesh, a, b, d)) continue;
         ok = dgfemi_skin_find_tears(&t, i);
     }
     ok = ok && dgfemi_skin_copy_torn(&t, used);
@@ -25665,7 +25692,7 @@ static int dgfemi_skin_find_places(dgfemi_arena *arena, dgfemi_skin_cutter *c, i
         (!between && !dgfemi_kinship_make(arena, mesh, c->skin->embedding, &kinship)))
         return 0;
     dgfemi_skin_place(c, &sides, between ? NULL : &kinship, places);
-    return !last || dgfemi_skin_tear_triangles(arena, c, locator, places);
+    return !last || dgfemi_skin_tear_triangles(arena, c, locator, sides.at_cut, places);
 }
 
 /* ---- the new skin ---- */
@@ -25763,10 +25790,10 @@ static int dgfemi_skin_list_elements(dgfemi_skin_cutter *c) {
     return 1;
 }
 
-/* A copy of the skin, cut by the blade, the `last` of those that the body was cut by, or not; `body` is the body after all
-   its elements were, `before` the one before. `weights` are those of the skin before all blades, of which many can be
-   kept; NULL where another blade follows, and the copy can do nothing but be cut again. element: of `before`, that
-   carried each vertex; those of new vertices are appended. On failure nothing is made. */
+/* A copy of the skin, cut by the blade, the `last` of those that the body was cut by, or not; `body` is the body
+   after all its elements were, `before` the one before. `weights` are those of the skin before all blades, of which
+   many can be kept; NULL where another blade follows, and the copy can do nothing but be cut again. element: of
+   `before`, that carried each vertex; those of new vertices are appended. On failure nothing is made. */
 static dgfem_status dgfemi_skin_cut(const dgfem_skin *skin, const dgfem_body *body, const dgfem_body *before,
                                     const dgfemi_blade *blade, int last, const dgfem_embedding *weights,
                                     dgfemi_ints *element, dgfem_skin **out) {

@@ -339,6 +339,68 @@ static void test_torus_and_hollow_box(void **state) {
     free_model(&m);
 }
 
+/* Counts what is in use. Sizes are kept in front of the memory. */
+typedef struct meter {
+    size_t live, peak;
+} meter;
+
+static void *metered(void *user, void *pointer, size_t size) {
+    meter *m = (meter *)user;
+    size_t *block = pointer ? (size_t *)pointer - 8 : NULL;
+    if (block) m->live -= block[0];
+    if (!size) {
+        free(block);
+        return NULL;
+    }
+    block = (size_t *)realloc(block, size + 8 * sizeof *block);
+    if (!block) return NULL;
+    block[0] = size, m->live += size;
+    if (m->live > m->peak) m->peak = m->live;
+    return block + 8;
+}
+
+/* n * n cubes, none glued to another, each with a skin of its own, cut by one plane: memory is in proportion. */
+static size_t peak_of_cubes(int n) {
+    dgfem_mesh *mesh = grid(n, n, 1, vec3(0, 0, 0), vec3(n, n, 1));
+    dgfemi_blade blade = blade_of(plane_of(0, 0, 1, 0.4), NULL, 0);
+    dgfem_vec3 *vertices = (dgfem_vec3 *)malloc((size_t)(8 * n * n) * sizeof *vertices);
+    int *triangles = (int *)malloc((size_t)(36 * n * n) * sizeof *triangles), count, *one;
+    dgfem_skin_desc desc = dgfem_default_skin_desc();
+    dgfem_body *body;
+    dgfem_skin *skin, *cut;
+    meter m;
+    shape_box(&s0, 0.1, 0.1, 0.1, 0.9, 0.9, 0.9);
+    one = triangles_of(&s0, &count);
+    for (int i = 0; i < 8 * n * n; i++)
+        vertices[i] = dgfemi_add(s0.vertices[i % 8], vec3(i / 8 % n, i / 8 / n, 0));
+    for (int i = 0; i < 36 * n * n; i++) triangles[i] = one[i % 36] + 8 * (i / 36);
+    free(one);
+    for (int f = 0; f < mesh->face_count; f++) mesh->faces[f].cut = mesh->faces[f].element[1] != DGFEM_NONE;
+    open_mesh(mesh, &blade);
+    body = check_body_create(mesh, NULL, 1, NULL);
+    memset(&m, 0, sizeof m);
+    desc.hooks.reallocate = metered, desc.hooks.reallocate_user = &m;
+    desc.vertices = dgfem_points_in_vec3(vertices, 8 * n * n);
+    desc.triangles = triangles, desc.triangle_count = 12 * n * n;
+    check_status(dgfem_skin_create(body, &desc, &skin), DGFEM_OK);
+    m.peak = 0;
+    check_status(cut_skin(skin, body, &blade, &cut), DGFEM_OK);
+    free(vertices);
+    free(triangles);
+    dgfem_skin_destroy(skin);
+    dgfem_skin_destroy(cut);
+    assert_int_equal(m.live, 0);
+    check_body_destroy(body);
+    return m.peak;
+}
+
+static void test_many_pieces(void **state) {
+    size_t few = peak_of_cubes(20), many = peak_of_cubes(40);
+    (void)state;
+    print_message("%.1f and %.1f MB\n", (double)few * 1e-6, (double)many * 1e-6);
+    assert_true(many < 5 * few);
+}
+
 /* ---- polygons ---- */
 
 /* A slit from one side: one piece, closed; from the open side the walls part. */
@@ -934,6 +996,63 @@ static void test_strokes_in_motion(void **state) {
     dgfem_body_destroy(body);
 }
 
+static dgfem_refine_action choose_every_other(void *user, const dgfem_body *body, int element,
+                                              dgfem_refine_action proposed) {
+    (void)user, (void)body, (void)proposed;
+    return element % 2 ? DGFEM_REFINE_NONE : DGFEM_REFINE_TWO;
+}
+
+/* Triangles between elements of different pieces. */
+static int count_torn(const dgfem_skin *skin, const dgfem_body *body) {
+    int *piece_of = (int *)malloc(sizeof(int) * (size_t)body->mesh->element_count), count, torn = 0;
+    const int *element = skin->embedding->point_element;
+    check_status(dgfem_body_pieces(body, piece_of, NULL, 0, &count), DGFEM_OK);
+    for (int t = 0; t < skin->triangle_count; t++) {
+        const int *v = skin->triangles + 3 * t;
+        int a = piece_of[element[v[0]]], b = piece_of[element[v[1]]], c = piece_of[element[v[2]]];
+        torn += a != b || b != c;
+    }
+    free(piece_of);
+    return torn;
+}
+
+/* After a body in motion has been cut and its small parts, which are not convex then, have been merged, every vertex
+   still finds its own side when elements are split again: those at a cut have anchors inside their elements. */
+static void test_anchors_are_inside(void **state) {
+    check_random random = check_random_seeded(60);
+    (void)state;
+    make_ball(&s0, 10, 14);
+    for (int i = 0; i < (check_long() ? 100 : 2); i++) {
+        dgfem_body_desc body_desc = dgfem_default_body_desc();
+        dgfem_cut_desc desc = dgfem_default_cut_desc();
+        dgfem_refine_desc refine = dgfem_default_refine_desc();
+        dgfem_body *body;
+        dgfem_skin *skin;
+        body_desc.mesh = slices(&s0, 3), body_desc.material.young = 20000;
+        check_status(dgfem_body_create(&body_desc, &body), DGFEM_OK);
+        for (int k = 0; k < body->basis_count; k++) body->velocity[k] = check_random_vec3(&random, -0.3, 0.3);
+        skin = skin_of(body, &s0, NULL);
+        desc.skins = &skin, desc.skin_count = 1;
+        refine.choose = choose_every_other;
+        for (int k = 0; k < 4; k++) {
+            dgfem_plane plane;
+            plane.normal = dgfemi_normalized(check_random_vec3(&random, -1, 1));
+            plane.offset = (dgfem_real)check_random_real(&random, -0.4, 0.4);
+            check_status(dgfem_body_cut_plane(body, plane, &desc, NULL), DGFEM_OK);
+            assert_int_equal(count_torn(skin, body), 0);
+            check_status(dgfem_body_step(body, (dgfem_real)0.02, NULL), DGFEM_OK);
+            check_status(dgfem_skin_update(skin, body), DGFEM_OK);
+        }
+        for (int k = 0; k < 2; k++) {
+            check_status(dgfem_body_refine(body, &refine, NULL), DGFEM_OK);
+            check_status(dgfem_skin_renew(skin, body), DGFEM_OK);
+            assert_int_equal(count_torn(skin, body), 0);
+        }
+        dgfem_skin_destroy(skin);
+        dgfem_body_destroy(body);
+    }
+}
+
 /* ---- failures ---- */
 
 static dgfem_status cut_and_renew(void *context, const dgfem_hooks *hooks) {
@@ -975,13 +1094,15 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_cube),         cmocka_unit_test(test_misses),
         cmocka_unit_test(test_ball),         cmocka_unit_test(test_torus_and_hollow_box),
+        cmocka_unit_test(test_many_pieces),
         cmocka_unit_test(test_slit),         cmocka_unit_test(test_whole_polygons),
         cmocka_unit_test(test_star_polygon), cmocka_unit_test(test_crossing_cuts),
         cmocka_unit_test(test_slits_meet),   cmocka_unit_test(test_random_cuts),
         cmocka_unit_test(test_moved_body),   cmocka_unit_test(test_seams),
         cmocka_unit_test(test_open_skins),   cmocka_unit_test(test_kept_weights),
         cmocka_unit_test(test_history),      cmocka_unit_test(test_walls_bend),
-        cmocka_unit_test(test_strokes_in_motion), cmocka_unit_test(test_failures),
+        cmocka_unit_test(test_strokes_in_motion), cmocka_unit_test(test_anchors_are_inside),
+        cmocka_unit_test(test_failures),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

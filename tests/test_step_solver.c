@@ -168,6 +168,40 @@ static void test_momentum_is_kept(void **state) {
 }
 
 /* A body at rest comes to rest: its steps need no more work than a moving one's. */
+/* A body that falls freely gains the same velocity everywhere in each step: the first step finds it by moving the piece
+   as a whole, the others by going on as before, also after cuts that split elements, join slivers with neighbours and
+   let a piece go. */
+static void test_free_fall_is_cheap_through_cuts(void **state) {
+    const double dt = 1.0 / 60;
+    (void)state;
+    for (int k = 0; k < 3; k++) {
+        dgfem_body_desc desc = dgfem_default_body_desc();
+        dgfem_cut_desc blade = dgfem_default_cut_desc();
+        desc.solver = iterative[k];
+        blade.smallest = (dgfem_real)0.12;
+        dgfem_body *body = make_bar(&desc);
+        int slivers = 0;
+        for (int i = 0; i < 6; i++) {
+            dgfem_step_info info;
+            if (i >= 2) {
+                dgfem_plane plane = {{(dgfem_real)0.8, 0, (dgfem_real)0.6}, (dgfem_real)(0.9 + 0.25 * i)};
+                dgfem_cut_info cut;
+                if (i % 2) plane.normal = vec3(1, 0, 0), plane.offset = (dgfem_real)(0.51 + 0.4 * i);
+                check_status(dgfem_body_cut_plane(body, plane, &blade, &cut), DGFEM_OK);
+                slivers += cut.slivers_merged;
+            }
+            check_status(dgfem_body_step(body, (dgfem_real)dt, &info), DGFEM_OK);
+            assert_in_range(info.iterations, 0, 1);
+            for (int e = 0; e < body->mesh->element_count; e++) {
+                dgfem_vec3 v = body->velocity[body->basis_start[e]];
+                check_near((double)v.z, -9.81 * dt * (i + 1), DGFEM_REAL_IS_FLOAT ? 1e-4 : 1e-6);
+            }
+        }
+        assert_true(slivers > 0);
+        dgfem_body_destroy(body);
+    }
+}
+
 static void test_rest_is_cheap(void **state) {
     dgfem_body_desc desc = dgfem_default_body_desc();
     dgfem_step_info info;
@@ -332,6 +366,7 @@ int main(void) {
         cmocka_unit_test(test_velocities_are_within_the_tolerance),
         cmocka_unit_test(test_a_linear_body_is_factored_once),
         cmocka_unit_test(test_momentum_is_kept),
+        cmocka_unit_test(test_free_fall_is_cheap_through_cuts),
         cmocka_unit_test(test_rest_is_cheap),
         cmocka_unit_test(test_rest_is_no_credit),
         cmocka_unit_test(test_failure_changes_nothing),

@@ -234,25 +234,7 @@ typedef struct dgfemi_sampling {
 
 /* stack: room for all elements. */
 static void dgfemi_sampling_components(dgfemi_sampling *sampling, int *stack) {
-    const dgfem_mesh *mesh = sampling->mesh;
-    int components = 0;
-    for (int e = 0; e < mesh->element_count; e++) sampling->component[e] = DGFEM_NONE;
-    for (int seed = 0; seed < mesh->element_count; seed++) {
-        int depth = 0;
-        if (sampling->component[seed] != DGFEM_NONE) continue;
-        sampling->component[seed] = components;
-        stack[depth++] = seed;
-        while (depth > 0) {
-            int e = stack[--depth];
-            for (int k = sampling->neighbour_start[e]; k < sampling->neighbour_start[e + 1]; k++) {
-                int neighbour = sampling->neighbour[k];
-                if (sampling->component[neighbour] != DGFEM_NONE) continue;
-                sampling->component[neighbour] = components;
-                stack[depth++] = neighbour;
-            }
-        }
-        components++;
-    }
+    int components = dgfemi_mesh_pieces(sampling->mesh, sampling->component, stack);
     for (int i = 0; i < components; i++) sampling->component_samples[i] = 0;
     for (int s = 0; s < sampling->embedding->sample_count; s++) {
         int element = sampling->embedding->term_element[sampling->embedding->term_start[s]];

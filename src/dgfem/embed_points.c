@@ -314,8 +314,9 @@ typedef struct dgfemi_weights {
 
 /* The weights of a view's i-th point. 1 on success. */
 static int dgfemi_weights_append(dgfemi_weights *weights, const dgfemi_view *view, int i) {
-    int point = view->points[i], first = view->first[i], count = view->count[i], needed = weights->used + count;
+    int point = view->points[i], first = view->first[i], count = view->count[i], needed;
     if (count > INT_MAX - weights->used) return 0;
+    needed = weights->used + count;
     if (needed > weights->sample_capacity) {
         void *grown = dgfemi_grow(weights->hooks, weights->sample, &weights->sample_capacity, needed, sizeof(int));
         if (!grown) return 0;

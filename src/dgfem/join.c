@@ -216,9 +216,9 @@ static int dgfemi_join_cross(const dgfemi_joiner *joiner, int a, int b, dgfem_re
 }
 
 /* The loop that a ray from this loop's vertex of smallest u towards smaller u meets first. An edge that bounds the
-   region there has it on the side of larger u and so runs down, towards smaller v. For a loop that is known to be a hole
-   only such edges count; any other loop is a hole if the first edge of all is such a one. Only loops of its `label`
-   count, which may be NULL. DGFEM_NONE: no hole.
+   region there has it on the side of larger u and so runs down, towards smaller v. For a loop that is known to be a
+   hole only such edges count; any other loop is a hole if the first edge of all is such a one. Only loops of its
+   `label` count, which may be NULL. DGFEM_NONE: no hole.
 
           |   region    +---+
           v  <----------+   |  hole

@@ -52,7 +52,7 @@ static int dgfemi_locator_bucket_count(const dgfemi_locator *locator) {
     return locator->size[0] * locator->size[1] * locator->size[2];
 }
 
-/* The buckets that a box meets: first <= i, j, k <= last. What lies outside of them all belongs to the outermost ones. */
+/* The buckets that a box meets: first <= i, j, k <= last. What is outside of them all belongs to the outermost ones. */
 typedef struct dgfemi_locator_range {
     int first[3], last[3];
 } dgfemi_locator_range;
@@ -198,8 +198,8 @@ static int dgfemi_element_winds_around(const dgfem_mesh *mesh, int element, dgfe
 
 #define DGFEM_STEEP DGFEM_R(1e-3) /* a ray that meets a face at a smaller sine says nothing */
 
-/* Whether the ray from x along the x axis passes through a face, seen along the ray: 1, 0, or -1 where it passes an edge
-   too closely to tell. */
+/* Whether the ray from x along the x axis passes through a face, seen along the ray: 1, 0, or -1 where it passes an
+   edge too closely to tell. */
 static int dgfemi_face_meets_ray(const dgfem_mesh *mesh, const dgfem_face *face, dgfem_vec3 x, dgfem_real near) {
     int inside = 0;
     for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++) {
@@ -365,4 +365,43 @@ static dgfemi_location dgfemi_locate_in(const dgfem_mesh *mesh, int element, dgf
         if (location.distance < 0 || distance < location.distance) location.distance = distance, location.nearest = p;
     }
     return location;
+}
+
+/* ---- the inside of an element ---- */
+
+/* Whether an element contains a point and has all of its faces farther away than `margin`. */
+static int dgfemi_element_encloses(const dgfem_mesh *mesh, int element, dgfem_vec3 x, dgfem_real margin) {
+    const dgfem_element *e = &mesh->elements[element];
+    for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        if (!dgfemi_face_is_farther(face, x, margin) &&
+            !(dgfemi_distance(dgfemi_face_nearest(mesh, face, x), x) > margin))
+            return 0;
+    }
+    return dgfemi_element_contains(mesh, element, x);
+}
+
+#define DGFEM_DEPTH DGFEM_R(0.02) /* of the way from a point on the boundary to the centre, or of the radius */
+#define DGFEM_DEPTH_ROUNDS 6
+
+/* A point inside an element near one of its points: beyond round-off, so that no other element contains it. On the way
+   to the centre; where that leads out of the element, which need not be convex, straight in from the faces around. */
+static dgfem_vec3 dgfemi_locate_inside(const dgfem_mesh *mesh, int element, dgfem_vec3 x) {
+    const dgfem_element *e = &mesh->elements[element];
+    dgfem_real near = DGFEM_ON_FACE * e->radius, depth = DGFEM_DEPTH * e->radius;
+    dgfem_vec3 inwards = dgfemi_vec3(0, 0, 0), first = dgfemi_add_scaled(x, DGFEM_DEPTH, dgfemi_sub(e->centre, x));
+    if (dgfemi_element_encloses(mesh, element, first, 2 * near)) return first;
+    for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        if (dgfemi_face_is_farther(face, x, near) || dgfemi_distance(dgfemi_face_nearest(mesh, face, x), x) > near)
+            continue;
+        inwards = dgfemi_add_scaled(inwards, (dgfem_real)-dgfemi_mesh_sign(mesh, element, mesh->element_faces[k]),
+                                    face->normal);
+    }
+    inwards = dgfemi_normalized(inwards);
+    for (int round = 0; round < DGFEM_DEPTH_ROUNDS; round++, depth *= DGFEM_R(0.5)) {
+        dgfem_vec3 inside = dgfemi_add_scaled(x, depth, inwards);
+        if (dgfemi_element_encloses(mesh, element, inside, 2 * near)) return inside;
+    }
+    return first;
 }

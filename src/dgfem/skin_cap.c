@@ -131,8 +131,8 @@ static int dgfemi_skin_follow_polygon(dgfemi_skin_cutter *c, int from, int to, i
 }
 
 /* Tips of one layer in the order in which the polygon's boundary leaves it (where the slit enters the polygon) and
-   enters it by turns. Some share a place, as where it crosses both walls of an earlier slit: there the turns decide. The
-   second round knows which turn it is at the first tip. */
+   enters it by turns. Some share a place, as where it crosses both walls of an earlier slit: there the turns decide.
+   The second round knows which turn it is at the first tip. */
 static void dgfemi_order_tips(dgfemi_tip *tips, int count) {
     for (int round = 0; round < 2; round++)
         for (int i = 0; i + 1 < count; i++) {
@@ -143,8 +143,8 @@ static void dgfemi_order_tips(dgfemi_tip *tips, int count) {
         }
 }
 
-/* Whether the first corner of the polygon lies in the layer (1) or not (0), as the tips tell: the boundary is inside once
-   between places where it enters and leaves, else outside, but for short stretches. */
+/* Whether the first corner of the polygon lies in the layer (1) or not (0), as the tips tell: the boundary is inside
+   once between places where it enters and leaves, else outside, but for short stretches. */
 static int dgfemi_skin_starts_inside(const dgfemi_tip *tips, int count, int corners) {
     double wrong[2] = {0, 0}, at = tips[count - 1].at - corners;
     int level = 0;
@@ -156,9 +156,10 @@ static int dgfemi_skin_starts_inside(const dgfemi_tip *tips, int count, int corn
     return wrong[1] < wrong[0];
 }
 
-/* Joins each place where the slit leaves the polygon with one where it enters it again. Along the boundary, from a place
-   outside the layer, these are nested like brackets: between them it runs inside, or, where flaps overlap in the world
-   or are turned inside out, inside several times or minus once. open: room for `count` tips. 1 on success. */
+/* Joins each place where the slit leaves the polygon with one where it enters it again. Along the boundary, from a
+   place outside the layer, these are nested like brackets: between them it runs inside, or, where flaps overlap in
+   the world or are turned inside out, inside several times or minus once. open: room for `count` tips. 1 on
+   success. */
 static int dgfemi_skin_join_tips(dgfemi_skin_cutter *c, const dgfemi_tip *tips, int count, const dgfemi_tip **open) {
     int corners = c->blade->polygon_count, depth = 0, first = 0;
     int winding = dgfemi_skin_starts_inside(tips, count, corners);
@@ -294,6 +295,7 @@ static int dgfemi_skin_triangulate_region(dgfemi_skin_cutter *c, dgfemi_arena *a
 /* Segments -> loops -> regions -> triangles. Loops that do not close get none. 1 on success. */
 static int dgfemi_skin_triangulate(dgfemi_skin_cutter *c, dgfemi_arena *arena) {
     dgfem_mesh flat; /* the joiner looks at its vertices only */
+    dgfemi_arena region = dgfemi_arena_make(c->hooks); /* one region's after another's */
     dgfemi_joiner joiner;
     dgfem_status status;
     int ok = 1;
@@ -312,8 +314,11 @@ static int dgfemi_skin_triangulate(dgfemi_skin_cutter *c, dgfemi_arena *arena) {
     dgfemi_projection_axes(c->blade->normal, &joiner.axis_u, &joiner.axis_v);
     status = dgfemi_join_loops(&joiner, &c->segments);
     if (status == DGFEM_OK) status = dgfemi_join_regions(&joiner);
-    for (int l = 0; ok && status == DGFEM_OK && l < dgfemi_join_loop_count(&joiner); l++)
-        if (joiner.owner.data[l] == l) ok = dgfemi_skin_triangulate_region(c, arena, &joiner, l);
+    for (int l = 0; ok && status == DGFEM_OK && l < dgfemi_join_loop_count(&joiner); l++) {
+        if (joiner.owner.data[l] == l) ok = dgfemi_skin_triangulate_region(c, &region, &joiner, l);
+        dgfemi_arena_reuse(&region);
+    }
+    dgfemi_arena_free(&region);
     dgfemi_joiner_free(&joiner);
     return ok && status != DGFEM_ERROR_MEMORY;
 }

@@ -110,13 +110,11 @@ static int dgfemi_skin_make_walls(dgfemi_skin_cutter *c) {
 
 /* ---- places: no weight across the cut ---- */
 
-/* An anchor goes this part of the way from its place to the element's centre: inside, beyond round-off. */
-#define DGFEM_ANCHOR_DEPTH DGFEM_R(0.02)
-
 /* The elements as the blade sees them. */
 typedef struct dgfemi_blade_sides {
     signed char *sign; /* [elements] side of the element's centre */
     char *at_blade;    /* [elements] 1 for those with a face that the blade has cut */
+    char *at_cut;      /* [elements] 1 for those with a cut face */
     char *on_blade;    /* [faces] */
     int *mark, *queue; /* [elements] search that met the element last; room for one search */
     int stamp;
@@ -126,13 +124,13 @@ static dgfem_vec3 dgfemi_skin_element_world(const dgfem_body *body, int element,
     return dgfemi_add(x, dgfemi_evaluate(body, body->displacement, element, x));
 }
 
-/* Whether the blade has cut a face: open, near it, between elements whose centres are on different sides. */
+/* Whether the blade has cut a face that is open: near it, between elements whose centres are on different sides. */
 static int dgfemi_skin_is_on_blade(const dgfemi_skin_cutter *c, const dgfemi_blade_sides *sides, int face) {
     const dgfem_mesh *mesh = c->body->mesh;
     const dgfem_face *f = &mesh->faces[face];
     int a = f->element[0], b = f->element[1];
     dgfem_vec3 x;
-    if (b == DGFEM_NONE || !f->cut || sides->sign[a] == sides->sign[b]) return 0;
+    if (sides->sign[a] == sides->sign[b]) return 0;
     x = dgfemi_scale(DGFEM_R(0.5), dgfemi_add(dgfemi_skin_element_world(c->body, a, f->centre),
                                               dgfemi_skin_element_world(c->body, b, f->centre)));
     return dgfemi_abs(dgfemi_blade_distance(c->blade, x)) <=
@@ -146,17 +144,20 @@ static int dgfemi_skin_find_sides(dgfemi_arena *arena, const dgfemi_skin_cutter 
     memset(sides, 0, sizeof *sides);
     sides->sign = (signed char *)dgfemi_arena_allocate(arena, elements, 1);
     sides->at_blade = (char *)dgfemi_arena_allocate_zero(arena, elements, 1);
+    sides->at_cut = (char *)dgfemi_arena_allocate_zero(arena, elements, 1);
     sides->on_blade = (char *)dgfemi_arena_allocate_zero(arena, (size_t)mesh->face_count, 1);
     sides->mark = (int *)dgfemi_arena_allocate_zero(arena, elements, sizeof(int));
     sides->queue = (int *)dgfemi_arena_allocate(arena, elements, sizeof(int));
-    if (!sides->sign || !sides->at_blade || !sides->on_blade || !sides->mark || !sides->queue) return 0;
+    if (!sides->sign || !sides->at_blade || !sides->at_cut || !sides->on_blade || !sides->mark || !sides->queue)
+        return 0;
     for (int e = 0; e < mesh->element_count; e++)
         sides->sign[e] =
             dgfemi_blade_side(c->blade, dgfemi_skin_element_world(c->body, e, mesh->elements[e].centre)) ? 1 : -1;
     for (int f = 0; f < mesh->face_count; f++) {
-        if (!dgfemi_skin_is_on_blade(c, sides, f)) continue;
-        sides->on_blade[f] = 1;
-        sides->at_blade[mesh->faces[f].element[0]] = sides->at_blade[mesh->faces[f].element[1]] = 1;
+        int a = mesh->faces[f].element[0], b = mesh->faces[f].element[1];
+        if (b == DGFEM_NONE || !mesh->faces[f].cut) continue;
+        sides->at_cut[a] = sides->at_cut[b] = 1;
+        if (dgfemi_skin_is_on_blade(c, sides, f)) sides->on_blade[f] = sides->at_blade[a] = sides->at_blade[b] = 1;
     }
     return 1;
 }
@@ -203,8 +204,9 @@ static int dgfemi_skin_twin(const dgfemi_skin_cutter *c, int vertex) {
     return parent->side == v->side && parent->slit == v->slit ? v->parent[0] : DGFEM_NONE;
 }
 
-/* Places of the vertices of the result; those at the cut get anchors on their own side. The skin's own vertices are
-   where they were if their elements are; `kinship` NULL: all are. */
+/* Places of the vertices of the result; those at the cut get anchors on their own side, and those in other elements
+   at a cut get anchors inside them. The skin's own vertices are where they were if their elements are; `kinship`
+   NULL: all are. */
 static void dgfemi_skin_place(dgfemi_skin_cutter *c, dgfemi_blade_sides *sides, const dgfemi_kinship *kinship,
                               dgfemi_places *places) {
     dgfemi_locator *locator = places->locator;
@@ -230,9 +232,11 @@ static void dgfemi_skin_place(dgfemi_skin_cutter *c, dgfemi_blade_sides *sides, 
                 location = dgfemi_skin_nearest_on_side(sides, locator, e, v->anchor, v->side);
             else if (known) location = dgfemi_locate_in(mesh, e, v->anchor);
             e = location.element;
-            v->anchor = dgfemi_add_scaled(location.nearest, DGFEM_ANCHOR_DEPTH,
-                                          dgfemi_sub(mesh->elements[e].centre, location.nearest));
+            v->anchor = dgfemi_locate_inside(mesh, e, location.nearest);
             known = 0;
+        } else if (!moved && sides->at_cut[e]) {
+            if (known) location = dgfemi_locate_in(mesh, e, v->rest);
+            v->anchor = dgfemi_locate_inside(mesh, e, location.nearest);
         }
         if (!known && moved) location = dgfemi_locate_in(mesh, e, v->rest);
         places->element[i] = e;
@@ -248,17 +252,16 @@ typedef struct dgfemi_skin_tear {
     dgfemi_location location;
 } dgfemi_skin_tear;
 
-/* The blade cuts elements and triangles each by themselves; where a body is cut again and again as it moves, slits of the
-   two may end a little beside each other, and a triangle is left whose corners are carried by elements that nothing
+/* The blade cuts elements and triangles each by themselves; where a body is cut again and again as it moves, slits of
+   the two may end a little beside each other, and a triangle is left whose corners are carried by elements that nothing
    holds together any more. It would be drawn out without end: instead its corners in the minority move to the others'
    side. A vertex of which all triangles ask for it moves, of any other a copy does. */
 typedef struct dgfemi_skin_tearer {
     dgfemi_skin_cutter *cutter;
     const dgfemi_locator *locator;
     dgfemi_places *places;
-    char *at_cut; /* [elements] 1: has a cut face */
-    int *group;   /* [elements] search that met it last */
-    int *queue;   /* [elements] */
+    int *group; /* [elements] search that met it last */
+    int *queue; /* [elements] */
     int stamp;
     dgfemi_skin_tear *tears;
     int tear_count, tear_capacity;
@@ -320,7 +323,8 @@ static int dgfemi_skin_hang_together(const dgfem_mesh *mesh, int a, int b, int c
            2;
 }
 
-/* Floods from the corner whose surroundings hold most of the three. Returns the number of elements; *held: of corners. */
+/* Floods from the corner whose surroundings hold most of the three. Returns the number of elements; *held: of
+   corners. */
 static int dgfemi_skin_flood_majority(dgfemi_skin_tearer *t, const int *corner, int *held) {
     dgfem_vec3 centre;
     dgfem_real radius = dgfemi_skin_ball(t, corner, &centre);
@@ -422,8 +426,7 @@ static int dgfemi_skin_apply_tears(dgfemi_skin_tearer *t, dgfemi_arena *arena, i
         const dgfemi_skin_tear *tear = &t->tears[i];
         const dgfemi_location *l = &tear->location;
         dgfemi_skin_vertex *v = &c->vertices[tear->copy];
-        v->anchor = dgfemi_add_scaled(l->nearest, DGFEM_ANCHOR_DEPTH,
-                                      dgfemi_sub(mesh->elements[l->element].centre, l->nearest));
+        v->anchor = dgfemi_locate_inside(mesh, l->element, l->nearest);
         places.element[tear->copy] = l->element;
         places.window[tear->copy] = dgfemi_window_position(mesh, l, v->rest);
         c->triangles.data[tear->corner] = tear->copy;
@@ -432,27 +435,23 @@ static int dgfemi_skin_apply_tears(dgfemi_skin_tearer *t, dgfemi_arena *arena, i
     return 1;
 }
 
-/* Only triangles with a corner in an element at a cut can be torn. 1 on success. */
+/* Only triangles with a corner in an element at a cut (at_cut[elements]) can be torn. 1 on success. */
 static int dgfemi_skin_tear_triangles(dgfemi_arena *arena, dgfemi_skin_cutter *c, const dgfemi_locator *locator,
-                                      dgfemi_places *places) {
+                                      const char *at_cut, dgfemi_places *places) {
     const dgfem_mesh *mesh = locator->mesh;
     size_t elements = (size_t)mesh->element_count;
     int count = c->vertex_count, ok, *used = (int *)dgfemi_arena_allocate_zero(arena, (size_t)count, sizeof(int));
     dgfemi_skin_tearer t;
     memset(&t, 0, sizeof t);
     t.cutter = c, t.locator = locator, t.places = places;
-    t.at_cut = (char *)dgfemi_arena_allocate_zero(arena, elements, 1);
     t.group = (int *)dgfemi_arena_allocate_zero(arena, elements, sizeof(int));
     t.queue = (int *)dgfemi_arena_allocate(arena, elements, sizeof(int));
-    ok = used && t.at_cut && t.group && t.queue;
-    for (int f = 0; ok && f < mesh->face_count; f++)
-        if (mesh->faces[f].cut && mesh->faces[f].element[1] != DGFEM_NONE)
-            t.at_cut[mesh->faces[f].element[0]] = t.at_cut[mesh->faces[f].element[1]] = 1;
+    ok = used && t.group && t.queue;
     for (int i = 0; ok && i < c->triangles.count; i++) used[c->triangles.data[i]]++;
     for (int i = 0; ok && i < c->triangles.count; i += 3) {
         const int *corner = c->triangles.data + i;
         int a = places->element[corner[0]], b = places->element[corner[1]], d = places->element[corner[2]];
-        if (!(t.at_cut[a] || t.at_cut[b] || t.at_cut[d]) || dgfemi_skin_hang_together(mesh, a, b, d)) continue;
+        if (!(at_cut[a] || at_cut[b] || at_cut[d]) || dgfemi_skin_hang_together(mesh, a, b, d)) continue;
         ok = dgfemi_skin_find_tears(&t, i);
     }
     ok = ok && dgfemi_skin_copy_torn(&t, used);
@@ -475,7 +474,7 @@ static int dgfemi_skin_find_places(dgfemi_arena *arena, dgfemi_skin_cutter *c, i
         (!between && !dgfemi_kinship_make(arena, mesh, c->skin->embedding, &kinship)))
         return 0;
     dgfemi_skin_place(c, &sides, between ? NULL : &kinship, places);
-    return !last || dgfemi_skin_tear_triangles(arena, c, locator, places);
+    return !last || dgfemi_skin_tear_triangles(arena, c, locator, sides.at_cut, places);
 }
 
 /* ---- the new skin ---- */
@@ -573,10 +572,10 @@ static int dgfemi_skin_list_elements(dgfemi_skin_cutter *c) {
     return 1;
 }
 
-/* A copy of the skin, cut by the blade, the `last` of those that the body was cut by, or not; `body` is the body after all
-   its elements were, `before` the one before. `weights` are those of the skin before all blades, of which many can be
-   kept; NULL where another blade follows, and the copy can do nothing but be cut again. element: of `before`, that
-   carried each vertex; those of new vertices are appended. On failure nothing is made. */
+/* A copy of the skin, cut by the blade, the `last` of those that the body was cut by, or not; `body` is the body
+   after all its elements were, `before` the one before. `weights` are those of the skin before all blades, of which
+   many can be kept; NULL where another blade follows, and the copy can do nothing but be cut again. element: of
+   `before`, that carried each vertex; those of new vertices are appended. On failure nothing is made. */
 static dgfem_status dgfemi_skin_cut(const dgfem_skin *skin, const dgfem_body *body, const dgfem_body *before,
                                     const dgfemi_blade *blade, int last, const dgfem_embedding *weights,
                                     dgfemi_ints *element, dgfem_skin **out) {

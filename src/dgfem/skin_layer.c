@@ -48,7 +48,8 @@ static int dgfemi_skin_find_layers(dgfemi_skin_cutter *c) {
     return stack && c->layer;
 }
 
-/* Inverts an element's map by Newton's method: the material point that it takes to x. 0 where that does not converge. */
+/* Inverts an element's map by Newton's method: the material point that it takes to x. 0 where that does not
+   converge. */
 static int dgfemi_skin_invert(const dgfem_body *body, int element, dgfem_vec3 x, dgfem_vec3 *rest) {
     const dgfem_element *e = &body->mesh->elements[element];
     dgfem_vec3 r;
@@ -68,13 +69,13 @@ static int dgfemi_skin_invert(const dgfem_body *body, int element, dgfem_vec3 x,
     return dgfemi_norm(r) <= DGFEM_R(1e-3) * (e->radius + dgfemi_distance(*rest, e->centre));
 }
 
-/* A corner of the polygon that lies farther than this outside every element of a layer, in radii, is left out: there the
-   slit does not close, and the polygon may be as large as it likes. */
+/* A corner of the polygon that lies farther than this outside every element of a layer, in radii, is left out: there
+   the slit does not close, and the polygon may be as large as it likes. */
 #define DGFEM_CORNER_REACH DGFEM_R(0.25)
 
-/* The material point of a layer (DGFEM_NONE: of all layers) that is now at x, or which an element's map would take there
-   whose outside it is nearest to; and that element. Returns how far outside it lies, in radii of the element, where that
-   is at most DGFEM_CORNER_REACH, else something larger. */
+/* The material point of a layer (DGFEM_NONE: of all layers) that is now at x, or which an element's map would take
+   there whose outside it is nearest to; and that element. Returns how far outside it lies, in radii of the element,
+   where that is at most DGFEM_CORNER_REACH, else something larger. */
 static dgfem_real dgfemi_skin_rest_of(const dgfemi_skin_cutter *c, dgfem_vec3 x, int layer, dgfem_vec3 *out,
                                       int *element) {
     const dgfem_mesh *mesh = c->before->mesh;
