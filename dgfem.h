@@ -9270,6 +9270,7 @@ typedef struct dgfemi_chunk_bin {
 
 typedef struct dgfemi_element_form {
     int count;   /* basis functions */
+    int face;    /* first in a list of assembly, see warp.c */
     size_t data; /* chunk: mass [count^2], load [count], stiffness [(count - 1)^2] 3x3 matrices, row-major */
 } dgfemi_element_form;
 
@@ -9286,6 +9287,7 @@ typedef struct dgfemi_face_form {
     int consistent;       /* 1: IP, 0: BZ, whose forms have no tractions */
     int normal_only;      /* held face: 1: only the component along the rest normal is held */
     int condition;        /* held face: id of the condition that holds it, else DGFEM_NONE */
+    int next[2];          /* in the lists of assembly, see warp.c */
 } dgfemi_face_form;
 
 struct dgfem_forms {
@@ -9864,9 +9866,9 @@ static dgfem_status dgfemi_fit_ghost(const dgfem_body *body, const dgfemi_face_f
 /* Panels of the Cholesky factor, and the instruction sets that their dense kernels are compiled for and chosen from.
 
    A panel is what one supernode has of L: a lower triangle D over a rectangle B, of the same columns. It is stored in
-   strips of rows (see kernels.c), first those of D, then those of B, each padded with rows of zeros to whole strips.
-   D's diagonal holds the reciprocals of L's. The update U of a supernode is stored in strips of the same size, each
-   with the columns up to its own last row. */
+   strips of rows (see kernels.c), first those of D, each with the columns up to its own last row, then those of B; both
+   are padded with rows of zeros to whole strips. D's diagonal holds the reciprocals of L's. The update U of a supernode
+   is stored in strips of the same size, as D is. */
 
 typedef struct dgfemi_panel {
     dgfem_real *values;
@@ -9896,6 +9898,24 @@ typedef struct dgfemi_entry {
     int front_row, front_column, transposed;
 } dgfemi_entry;
 
+/* Small matrices and vectors for assembly: a 3x3 matrix takes three rows of four numbers and fills whole vectors of every
+   path, a vector takes four numbers. The fourth ones, and those that fill up, are zeros. */
+enum {
+    DGFEM_MATRIX_STRIDE = 16,
+    DGFEM_VECTOR_STRIDE = 4,
+    DGFEM_MATRICES_IN_A_ROW = 20
+};
+
+/* Rows of 3x3 matrices, each the sum of `inner` (2, 8 or 9) ones, those of b, with factors in a: row i has `count` of
+   them, or i + 1 if that is 0. Its factors begin `step` + i `growth` numbers behind those of row i - 1. They are added
+   to a row-major block whose rows have `stride` numbers. */
+typedef struct dgfemi_sums {
+    const dgfem_real *a, *b[3]; /* b: the first two, three more, the rest */
+    int inner, rows, count, step, growth;
+    dgfem_real *out;
+    int stride, room; /* numbers from `out` to the end of its row */
+} dgfemi_sums;
+
 /* The kernels for one instruction set. Ranges are of strips, or of segments. */
 typedef struct dgfemi_kernels {
     dgfem_simd simd;
@@ -9910,10 +9930,11 @@ typedef struct dgfemi_kernels {
     void (*solve_panel_transposed)(const dgfemi_panel *p, dgfem_real *x, const dgfem_real *below, dgfem_real *sums);
     void (*multiply_block)(const dgfem_real *a, int rows, int columns, const dgfem_real *x, dgfem_real *y,
                            const dgfem_real *z, dgfem_real *w);
-    void (*combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out);
+    void (*add_matrices)(const dgfemi_sums *sums);
+    void (*set_elastic)(dgfem_real lambda, dgfem_real mu, const dgfem_real *u, const dgfem_real *v, dgfem_real *k);
+    void (*transform)(const dgfem_real *k, int count, const dgfem_real *v, dgfem_real *out);
+    void (*add_vectors)(const dgfem_real **parts, int count, const dgfem_real *b, dgfem_real *out);
 } dgfemi_kernels;
-
-enum { DGFEM_MATRIX_STRIDE = 16 }; /* a 3x3 matrix in whole vectors of every path */
 
 #ifdef DGFEM_USE_BLAS
 # include <cblas.h>
@@ -9947,6 +9968,7 @@ static int dgfemi_pivot_is_good(dgfem_real pivot, dgfem_real diagonal) {
 /* ---- plain C ---- */
 
 #define DGFEM_PATH(name) name##_plain
+#define DGFEM_FOUR(name) name##_plain
 #define DGFEM_PATH_ID DGFEM_SIMD_NONE
 #define DGFEM_VECTOR dgfem_real
 #define DGFEM_V_LANES 1
@@ -9964,6 +9986,7 @@ static int dgfemi_pivot_is_good(dgfem_real pivot, dgfem_real diagonal) {
    is inserted for each instruction set, which panel.c describes by
 
        DGFEM_PATH(name)                       the name with the instruction set's suffix
+       DGFEM_FOUR(name)                       the same, or that of an earlier one whose vectors have no more than four lanes
        DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
        DGFEM_VECTORS, DGFEM_TILE              vectors in a strip, columns of a tile (even; divides a strip's rows)
        DGFEM_V_LOAD(p) _STORE(p, v) _ALL(x)   and _ADD(a, b), _SUB(a, b), _MUL(a, b)
@@ -10154,8 +10177,17 @@ static int DGFEM_PATH(dgfemi_factor_tile)(dgfem_real *x, int columns, int offset
 
 static int DGFEM_PATH(dgfemi_strips)(int rows) { return rows / DGFEM_STRIP + (rows % DGFEM_STRIP != 0); }
 
+/* Where strip `strip` of a lower triangle begins: it has all columns up to its own last row, the strips before it
+   likewise. */
+static size_t DGFEM_PATH(dgfemi_triangle_strip)(int strip) {
+    return (size_t)strip * ((size_t)strip + 1) / 2 * DGFEM_STRIP * DGFEM_STRIP;
+}
+
+/* D's last strip ends with the last column, as all those of B do. */
 static dgfem_real *DGFEM_PATH(dgfemi_strip)(const dgfemi_panel *p, int strip) {
-    return p->values + (size_t)strip * DGFEM_STRIP * (size_t)p->width;
+    int last = DGFEM_PATH(dgfemi_strips)(p->width) - 1;
+    if (strip <= last) return p->values + DGFEM_PATH(dgfemi_triangle_strip)(strip);
+    return p->values + DGFEM_PATH(dgfemi_triangle_strip)(last) + (size_t)(strip - last) * DGFEM_STRIP * (size_t)p->width;
 }
 
 /* Row `row` of D, or behind D's strips of B, from column `column` on: the second operand of a product. */
@@ -10234,11 +10266,6 @@ static void DGFEM_PATH(dgfemi_update_strips)(const dgfemi_panel *p, int first, i
         }
 }
 
-/* Where strip `strip` of an update begins: it has all columns up to its own last row, the strips before it likewise. */
-static size_t DGFEM_PATH(dgfemi_update_strip)(int strip) {
-    return (size_t)strip * ((size_t)strip + 1) / 2 * DGFEM_STRIP * DGFEM_STRIP;
-}
-
 /* U = -B B^T, lower half, the strips first <= i < last of it. What is above the diagonal stays undefined. */
 static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u, int first, int last) {
     int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), from, chunk, strip, j;
@@ -10254,7 +10281,7 @@ static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u,
                 for (j = chunk; j < end; j += DGFEM_TILE)
                     DGFEM_PATH(dgfemi_store_tile)(
                         a, DGFEM_PATH(dgfemi_panel_row)(p, pivot_strips * DGFEM_STRIP + j, from), count,
-                        u + DGFEM_PATH(dgfemi_update_strip)(strip) + (size_t)j * DGFEM_STRIP, from > 0,
+                        u + DGFEM_PATH(dgfemi_triangle_strip)(strip) + (size_t)j * DGFEM_STRIP, from > 0,
                         j > row ? (j - row) / DGFEM_V_LANES : 0, vectors, end - j);
             }
     }
@@ -10262,7 +10289,7 @@ static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u,
 
 /* ---- assembly ---- */
 
-/* Zeros strips of a panel, but for what no one reads above D's diagonal. */
+/* Zeros strips of a panel. */
 static void DGFEM_PATH(dgfemi_clear_panel)(const dgfemi_panel *p, int first, int last) {
     int strip;
     for (strip = first; strip < last; strip++)
@@ -10295,10 +10322,10 @@ static void DGFEM_PATH(dgfemi_add_update)(const dgfemi_extension *e, int first, 
     int pivot_strips = DGFEM_PATH(dgfemi_strips)(e->panel.width), width = e->panel.width, s, k, i;
     for (s = first; s < last; s++) {
         const dgfemi_run *rows = e->segments + s;
-        const dgfem_real *from = e->child + DGFEM_PATH(dgfemi_update_strip)(rows->row / DGFEM_STRIP);
+        const dgfem_real *from = e->child + DGFEM_PATH(dgfemi_triangle_strip)(rows->row / DGFEM_STRIP);
         int row = rows->front_row, shift = e->update ? width : 0;
         dgfem_real *to;
-        if (e->update) to = e->update + DGFEM_PATH(dgfemi_update_strip)((row - width) / DGFEM_STRIP);
+        if (e->update) to = e->update + DGFEM_PATH(dgfemi_triangle_strip)((row - width) / DGFEM_STRIP);
         else if (row < width) to = DGFEM_PATH(dgfemi_strip)(&e->panel, row / DGFEM_STRIP);
         else to = DGFEM_PATH(dgfemi_strip)(&e->panel, pivot_strips + (row - width) / DGFEM_STRIP);
         to += (row < width ? row : row - width) % DGFEM_STRIP;
@@ -10495,33 +10522,139 @@ static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int
 
 /* ---- 3x3 matrices ---- */
 
-/* out = a b for `rows` rows of a, with a constant number of columns. */
-DGFEM_INLINE void DGFEM_PATH(dgfemi_combine_rows)(const dgfem_real *a, int rows, int inner, const dgfem_real *b,
-                                                  dgfem_real *out) {
-    enum { VECTORS = (9 + DGFEM_V_LANES - 1) / DGFEM_V_LANES };
+#if DGFEM_V_LANES <= 4
+/* row += from: whole vectors, and then single numbers first <= k < last. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_add_row)(const dgfem_real *from, int vectors, int first, int last,
+                                             dgfem_real *row) {
     int k, v;
-    for (; rows > 0; rows--, a += inner, out += DGFEM_MATRIX_STRIDE) {
+    for (v = 0; v < vectors; v++)
+        DGFEM_V_STORE(row + v * DGFEM_V_LANES,
+                      DGFEM_V_ADD(DGFEM_V_LOAD(row + v * DGFEM_V_LANES), DGFEM_V_LOAD(from + v * DGFEM_V_LANES)));
+    for (k = first; k < last; k++) row[k] += from[k];
+}
+
+/* Three rows of which `count` numbers count; behind them come zeros, and `room` numbers are left in the block's rows. */
+static void DGFEM_PATH(dgfemi_add_rows_of)(const dgfem_real *from, int from_stride, int count, int room, dgfem_real *row,
+                                           int stride) {
+    int vectors = (count + DGFEM_V_LANES - 1) / DGFEM_V_LANES, most = room / DGFEM_V_LANES, p;
+    if (vectors > most) vectors = most;
+    for (p = 0; p < 3; p++, from += from_stride, row += stride)
+        DGFEM_PATH(dgfemi_add_row)(from, vectors, vectors * DGFEM_V_LANES, count, row);
+}
+
+/* k = lambda u v^T + mu v u^T + mu (u.v) I */
+static void DGFEM_PATH(dgfemi_set_elastic)(dgfem_real lambda, dgfem_real mu, const dgfem_real *u, const dgfem_real *v,
+                                           dgfem_real *k) {
+    static const dgfem_real unit[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
+    const DGFEM_VECTOR d = DGFEM_V_ALL(mu * (u[0] * v[0] + u[1] * v[1] + u[2] * v[2]));
+    int p, c;
+    DGFEM_UNROLL
+    for (p = 0; p < 3; p++) {
+        DGFEM_UNROLL
+        for (c = 0; c < 4; c += DGFEM_V_LANES) {
+            DGFEM_VECTOR row = DGFEM_V_MUL(DGFEM_V_LOAD(unit[p] + c), d);
+            row = DGFEM_V_FMA(DGFEM_V_LOAD(u + c), DGFEM_V_ALL(mu * v[p]), row);
+            DGFEM_V_STORE(k + 4 * p + c, DGFEM_V_FMA(DGFEM_V_LOAD(v + c), DGFEM_V_ALL(lambda * u[p]), row));
+        }
+    }
+}
+
+/* out[i] = k[i]^T v for `count` matrices */
+static void DGFEM_PATH(dgfemi_transform)(const dgfem_real *k, int count, const dgfem_real *v, dgfem_real *out) {
+    const DGFEM_VECTOR x = DGFEM_V_ALL(v[0]), y = DGFEM_V_ALL(v[1]), z = DGFEM_V_ALL(v[2]);
+    int i, c;
+    for (i = 0; i < count; i++, k += DGFEM_MATRIX_STRIDE, out += DGFEM_VECTOR_STRIDE)
+        for (c = 0; c < 4; c += DGFEM_V_LANES) {
+            DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(k + c), x);
+            sum = DGFEM_V_FMA(DGFEM_V_LOAD(k + 4 + c), y, sum);
+            DGFEM_V_STORE(out + c, DGFEM_V_FMA(DGFEM_V_LOAD(k + 8 + c), z, sum));
+        }
+}
+
+/* out += a sum of three vectors of b for each part, with the part's three factors. */
+static void DGFEM_PATH(dgfemi_add_vectors)(const dgfem_real **parts, int count, const dgfem_real *b, dgfem_real *out) {
+    enum { VECTORS = 4 / DGFEM_V_LANES };
+    dgfem_real vector[4];
+    DGFEM_VECTOR sum[3 * VECTORS];
+    int k, d, v;
+    DGFEM_UNROLL
+    for (v = 0; v < 3 * VECTORS; v++) sum[v] = DGFEM_V_ALL(0);
+    for (k = 0; k < count; k++, b += 3 * DGFEM_VECTOR_STRIDE) {
+        DGFEM_UNROLL
+        for (d = 0; d < 3; d++) {
+            DGFEM_VECTOR factor = DGFEM_V_ALL(parts[k][d]);
+            DGFEM_UNROLL
+            for (v = 0; v < VECTORS; v++)
+                sum[d * VECTORS + v] = DGFEM_V_FMA(DGFEM_V_LOAD(b + d * DGFEM_VECTOR_STRIDE + v * DGFEM_V_LANES),
+                                                   factor, sum[d * VECTORS + v]);
+        }
+    }
+    DGFEM_UNROLL
+    for (v = 0; v < VECTORS; v++)
+        DGFEM_V_STORE(vector + v * DGFEM_V_LANES,
+                      DGFEM_V_ADD(DGFEM_V_ADD(sum[v], sum[VECTORS + v]), sum[2 * VECTORS + v]));
+    for (d = 0; d < 3; d++) out[d] += vector[d];
+}
+#endif
+
+/* What row i of the sums adds to three rows of the block. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_make_rows)(const dgfem_real *a, int count, int inner, const DGFEM_VECTOR *b,
+                                               dgfem_real (*rows)[3 * DGFEM_MATRICES_IN_A_ROW + 4]) {
+    enum { VECTORS = (12 + DGFEM_V_LANES - 1) / DGFEM_V_LANES };
+    int j, k, v, p;
+    for (j = 0; j < count; j++, a += inner) {
+        dgfem_real matrix[VECTORS * DGFEM_V_LANES];
         DGFEM_VECTOR sum[VECTORS];
         DGFEM_UNROLL
-        for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_MUL(DGFEM_V_LOAD(b + v * DGFEM_V_LANES), DGFEM_V_ALL(a[0]));
+        for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_MUL(b[v], DGFEM_V_ALL(a[0]));
         DGFEM_UNROLL
         for (k = 1; k < inner; k++) {
             DGFEM_VECTOR factor = DGFEM_V_ALL(a[k]);
             DGFEM_UNROLL
-            for (v = 0; v < VECTORS; v++)
-                sum[v] = DGFEM_V_FMA(DGFEM_V_LOAD(b + k * DGFEM_MATRIX_STRIDE + v * DGFEM_V_LANES), factor, sum[v]);
+            for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_FMA(b[k * VECTORS + v], factor, sum[v]);
         }
         DGFEM_UNROLL
-        for (v = 0; v < VECTORS; v++) DGFEM_V_STORE(out + v * DGFEM_V_LANES, sum[v]);
+        for (v = 0; v < VECTORS; v++) DGFEM_V_STORE(matrix + v * DGFEM_V_LANES, sum[v]);
+        DGFEM_UNROLL
+        for (p = 0; p < 3; p++) /* the fourth number is overwritten by the next matrix */
+            memcpy(rows[p] + 3 * j, matrix + 4 * p, 4 * sizeof *matrix);
+    }
+    for (p = 0; p < 3; p++)
+        for (k = 0; k < 4; k++) rows[p][3 * count + k] = 0;
+}
+
+/* Several rows are made before they are added: what was stored in other pieces is slow to read back at once. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_add_sums)(const dgfemi_sums *sums, int inner) {
+    enum { VECTORS = (12 + DGFEM_V_LANES - 1) / DGFEM_V_LANES, TOGETHER = 4 };
+    DGFEM_VECTOR b[9 * VECTORS];
+    dgfem_real rows[3 * TOGETHER][3 * DGFEM_MATRICES_IN_A_ROW + 4];
+    const dgfem_real *a = sums->a;
+    int first, last, i, k, v;
+    DGFEM_UNROLL
+    for (k = 0; k < inner; k++) {
+        const dgfem_real *from = k < 2 ? sums->b[0] : k < 5 ? sums->b[1] : sums->b[2];
+        DGFEM_UNROLL
+        for (v = 0; v < VECTORS; v++)
+            b[k * VECTORS + v] = DGFEM_V_LOAD(from + (k < 2 ? k : k < 5 ? k - 2 : k - 5) * DGFEM_MATRIX_STRIDE +
+                                              v * DGFEM_V_LANES);
+    }
+    for (first = 0; first < sums->rows; first = last) {
+        last = first + TOGETHER < sums->rows ? first + TOGETHER : sums->rows;
+        for (i = first; i < last; i++) {
+            DGFEM_PATH(dgfemi_make_rows)(a, sums->count ? sums->count : i + 1, inner, b, rows + 3 * (i - first));
+            a += sums->step + (i + 1) * sums->growth;
+        }
+        for (i = first; i < last; i++)
+            DGFEM_FOUR(dgfemi_add_rows_of)(rows[3 * (i - first)], 3 * DGFEM_MATRICES_IN_A_ROW + 4,
+                                           3 * (sums->count ? sums->count : i + 1), sums->room,
+                                           sums->out + 3 * i * sums->stride, sums->stride);
     }
 }
 
-/* out = a b: `rows` matrices of 3x3 as sums of `inner` (2, 8 or 9) ones, those of b, with the factors in a. A matrix takes
-   DGFEM_MATRIX_STRIDE reals; those after the ninth are not looked at. */
-static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out) {
-    if (inner == 2) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 2, b, out);
-    else if (inner == 8) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 8, b, out);
-    else DGFEM_PATH(dgfemi_combine_rows)(a, rows, 9, b, out);
+static void DGFEM_PATH(dgfemi_add_matrices)(const dgfemi_sums *sums) {
+    if (sums->inner == 2) DGFEM_PATH(dgfemi_add_sums)(sums, 2);
+    else if (sums->inner == 8) DGFEM_PATH(dgfemi_add_sums)(sums, 8);
+    else DGFEM_PATH(dgfemi_add_sums)(sums, 9);
 }
 
 static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
@@ -10539,7 +10672,10 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
         DGFEM_PATH(dgfemi_solve_panel),
         DGFEM_PATH(dgfemi_solve_panel_transposed),
         DGFEM_PATH(dgfemi_multiply_block),
-        DGFEM_PATH(dgfemi_combine),
+        DGFEM_PATH(dgfemi_add_matrices),
+        DGFEM_FOUR(dgfemi_set_elastic),
+        DGFEM_FOUR(dgfemi_transform),
+        DGFEM_FOUR(dgfemi_add_vectors),
     };
     return &kernels;
 }
@@ -10549,6 +10685,7 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
 #undef DGFEM_CASE_4
 #undef DGFEM_SWITCH
 #undef DGFEM_PATH
+#undef DGFEM_FOUR
 #undef DGFEM_PATH_ID
 #undef DGFEM_VECTOR
 #undef DGFEM_V_LANES
@@ -10576,6 +10713,7 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
 #endif
 
 #define DGFEM_PATH(name) name##_sse2
+#define DGFEM_FOUR(name) name##_sse2
 #define DGFEM_PATH_ID DGFEM_SIMD_SSE2
 #define DGFEM_VECTORS 2
 #define DGFEM_TILE 4
@@ -10598,6 +10736,7 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
    is inserted for each instruction set, which panel.c describes by
 
        DGFEM_PATH(name)                       the name with the instruction set's suffix
+       DGFEM_FOUR(name)                       the same, or that of an earlier one whose vectors have no more than four lanes
        DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
        DGFEM_VECTORS, DGFEM_TILE              vectors in a strip, columns of a tile (even; divides a strip's rows)
        DGFEM_V_LOAD(p) _STORE(p, v) _ALL(x)   and _ADD(a, b), _SUB(a, b), _MUL(a, b)
@@ -10788,8 +10927,17 @@ static int DGFEM_PATH(dgfemi_factor_tile)(dgfem_real *x, int columns, int offset
 
 static int DGFEM_PATH(dgfemi_strips)(int rows) { return rows / DGFEM_STRIP + (rows % DGFEM_STRIP != 0); }
 
+/* Where strip `strip` of a lower triangle begins: it has all columns up to its own last row, the strips before it
+   likewise. */
+static size_t DGFEM_PATH(dgfemi_triangle_strip)(int strip) {
+    return (size_t)strip * ((size_t)strip + 1) / 2 * DGFEM_STRIP * DGFEM_STRIP;
+}
+
+/* D's last strip ends with the last column, as all those of B do. */
 static dgfem_real *DGFEM_PATH(dgfemi_strip)(const dgfemi_panel *p, int strip) {
-    return p->values + (size_t)strip * DGFEM_STRIP * (size_t)p->width;
+    int last = DGFEM_PATH(dgfemi_strips)(p->width) - 1;
+    if (strip <= last) return p->values + DGFEM_PATH(dgfemi_triangle_strip)(strip);
+    return p->values + DGFEM_PATH(dgfemi_triangle_strip)(last) + (size_t)(strip - last) * DGFEM_STRIP * (size_t)p->width;
 }
 
 /* Row `row` of D, or behind D's strips of B, from column `column` on: the second operand of a product. */
@@ -10868,11 +11016,6 @@ static void DGFEM_PATH(dgfemi_update_strips)(const dgfemi_panel *p, int first, i
         }
 }
 
-/* Where strip `strip` of an update begins: it has all columns up to its own last row, the strips before it likewise. */
-static size_t DGFEM_PATH(dgfemi_update_strip)(int strip) {
-    return (size_t)strip * ((size_t)strip + 1) / 2 * DGFEM_STRIP * DGFEM_STRIP;
-}
-
 /* U = -B B^T, lower half, the strips first <= i < last of it. What is above the diagonal stays undefined. */
 static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u, int first, int last) {
     int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), from, chunk, strip, j;
@@ -10888,7 +11031,7 @@ static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u,
                 for (j = chunk; j < end; j += DGFEM_TILE)
                     DGFEM_PATH(dgfemi_store_tile)(
                         a, DGFEM_PATH(dgfemi_panel_row)(p, pivot_strips * DGFEM_STRIP + j, from), count,
-                        u + DGFEM_PATH(dgfemi_update_strip)(strip) + (size_t)j * DGFEM_STRIP, from > 0,
+                        u + DGFEM_PATH(dgfemi_triangle_strip)(strip) + (size_t)j * DGFEM_STRIP, from > 0,
                         j > row ? (j - row) / DGFEM_V_LANES : 0, vectors, end - j);
             }
     }
@@ -10896,7 +11039,7 @@ static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u,
 
 /* ---- assembly ---- */
 
-/* Zeros strips of a panel, but for what no one reads above D's diagonal. */
+/* Zeros strips of a panel. */
 static void DGFEM_PATH(dgfemi_clear_panel)(const dgfemi_panel *p, int first, int last) {
     int strip;
     for (strip = first; strip < last; strip++)
@@ -10929,10 +11072,10 @@ static void DGFEM_PATH(dgfemi_add_update)(const dgfemi_extension *e, int first, 
     int pivot_strips = DGFEM_PATH(dgfemi_strips)(e->panel.width), width = e->panel.width, s, k, i;
     for (s = first; s < last; s++) {
         const dgfemi_run *rows = e->segments + s;
-        const dgfem_real *from = e->child + DGFEM_PATH(dgfemi_update_strip)(rows->row / DGFEM_STRIP);
+        const dgfem_real *from = e->child + DGFEM_PATH(dgfemi_triangle_strip)(rows->row / DGFEM_STRIP);
         int row = rows->front_row, shift = e->update ? width : 0;
         dgfem_real *to;
-        if (e->update) to = e->update + DGFEM_PATH(dgfemi_update_strip)((row - width) / DGFEM_STRIP);
+        if (e->update) to = e->update + DGFEM_PATH(dgfemi_triangle_strip)((row - width) / DGFEM_STRIP);
         else if (row < width) to = DGFEM_PATH(dgfemi_strip)(&e->panel, row / DGFEM_STRIP);
         else to = DGFEM_PATH(dgfemi_strip)(&e->panel, pivot_strips + (row - width) / DGFEM_STRIP);
         to += (row < width ? row : row - width) % DGFEM_STRIP;
@@ -11129,33 +11272,139 @@ static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int
 
 /* ---- 3x3 matrices ---- */
 
-/* out = a b for `rows` rows of a, with a constant number of columns. */
-DGFEM_INLINE void DGFEM_PATH(dgfemi_combine_rows)(const dgfem_real *a, int rows, int inner, const dgfem_real *b,
-                                                  dgfem_real *out) {
-    enum { VECTORS = (9 + DGFEM_V_LANES - 1) / DGFEM_V_LANES };
+#if DGFEM_V_LANES <= 4
+/* row += from: whole vectors, and then single numbers first <= k < last. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_add_row)(const dgfem_real *from, int vectors, int first, int last,
+                                             dgfem_real *row) {
     int k, v;
-    for (; rows > 0; rows--, a += inner, out += DGFEM_MATRIX_STRIDE) {
+    for (v = 0; v < vectors; v++)
+        DGFEM_V_STORE(row + v * DGFEM_V_LANES,
+                      DGFEM_V_ADD(DGFEM_V_LOAD(row + v * DGFEM_V_LANES), DGFEM_V_LOAD(from + v * DGFEM_V_LANES)));
+    for (k = first; k < last; k++) row[k] += from[k];
+}
+
+/* Three rows of which `count` numbers count; behind them come zeros, and `room` numbers are left in the block's rows. */
+static void DGFEM_PATH(dgfemi_add_rows_of)(const dgfem_real *from, int from_stride, int count, int room, dgfem_real *row,
+                                           int stride) {
+    int vectors = (count + DGFEM_V_LANES - 1) / DGFEM_V_LANES, most = room / DGFEM_V_LANES, p;
+    if (vectors > most) vectors = most;
+    for (p = 0; p < 3; p++, from += from_stride, row += stride)
+        DGFEM_PATH(dgfemi_add_row)(from, vectors, vectors * DGFEM_V_LANES, count, row);
+}
+
+/* k = lambda u v^T + mu v u^T + mu (u.v) I */
+static void DGFEM_PATH(dgfemi_set_elastic)(dgfem_real lambda, dgfem_real mu, const dgfem_real *u, const dgfem_real *v,
+                                           dgfem_real *k) {
+    static const dgfem_real unit[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
+    const DGFEM_VECTOR d = DGFEM_V_ALL(mu * (u[0] * v[0] + u[1] * v[1] + u[2] * v[2]));
+    int p, c;
+    DGFEM_UNROLL
+    for (p = 0; p < 3; p++) {
+        DGFEM_UNROLL
+        for (c = 0; c < 4; c += DGFEM_V_LANES) {
+            DGFEM_VECTOR row = DGFEM_V_MUL(DGFEM_V_LOAD(unit[p] + c), d);
+            row = DGFEM_V_FMA(DGFEM_V_LOAD(u + c), DGFEM_V_ALL(mu * v[p]), row);
+            DGFEM_V_STORE(k + 4 * p + c, DGFEM_V_FMA(DGFEM_V_LOAD(v + c), DGFEM_V_ALL(lambda * u[p]), row));
+        }
+    }
+}
+
+/* out[i] = k[i]^T v for `count` matrices */
+static void DGFEM_PATH(dgfemi_transform)(const dgfem_real *k, int count, const dgfem_real *v, dgfem_real *out) {
+    const DGFEM_VECTOR x = DGFEM_V_ALL(v[0]), y = DGFEM_V_ALL(v[1]), z = DGFEM_V_ALL(v[2]);
+    int i, c;
+    for (i = 0; i < count; i++, k += DGFEM_MATRIX_STRIDE, out += DGFEM_VECTOR_STRIDE)
+        for (c = 0; c < 4; c += DGFEM_V_LANES) {
+            DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(k + c), x);
+            sum = DGFEM_V_FMA(DGFEM_V_LOAD(k + 4 + c), y, sum);
+            DGFEM_V_STORE(out + c, DGFEM_V_FMA(DGFEM_V_LOAD(k + 8 + c), z, sum));
+        }
+}
+
+/* out += a sum of three vectors of b for each part, with the part's three factors. */
+static void DGFEM_PATH(dgfemi_add_vectors)(const dgfem_real **parts, int count, const dgfem_real *b, dgfem_real *out) {
+    enum { VECTORS = 4 / DGFEM_V_LANES };
+    dgfem_real vector[4];
+    DGFEM_VECTOR sum[3 * VECTORS];
+    int k, d, v;
+    DGFEM_UNROLL
+    for (v = 0; v < 3 * VECTORS; v++) sum[v] = DGFEM_V_ALL(0);
+    for (k = 0; k < count; k++, b += 3 * DGFEM_VECTOR_STRIDE) {
+        DGFEM_UNROLL
+        for (d = 0; d < 3; d++) {
+            DGFEM_VECTOR factor = DGFEM_V_ALL(parts[k][d]);
+            DGFEM_UNROLL
+            for (v = 0; v < VECTORS; v++)
+                sum[d * VECTORS + v] = DGFEM_V_FMA(DGFEM_V_LOAD(b + d * DGFEM_VECTOR_STRIDE + v * DGFEM_V_LANES),
+                                                   factor, sum[d * VECTORS + v]);
+        }
+    }
+    DGFEM_UNROLL
+    for (v = 0; v < VECTORS; v++)
+        DGFEM_V_STORE(vector + v * DGFEM_V_LANES,
+                      DGFEM_V_ADD(DGFEM_V_ADD(sum[v], sum[VECTORS + v]), sum[2 * VECTORS + v]));
+    for (d = 0; d < 3; d++) out[d] += vector[d];
+}
+#endif
+
+/* What row i of the sums adds to three rows of the block. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_make_rows)(const dgfem_real *a, int count, int inner, const DGFEM_VECTOR *b,
+                                               dgfem_real (*rows)[3 * DGFEM_MATRICES_IN_A_ROW + 4]) {
+    enum { VECTORS = (12 + DGFEM_V_LANES - 1) / DGFEM_V_LANES };
+    int j, k, v, p;
+    for (j = 0; j < count; j++, a += inner) {
+        dgfem_real matrix[VECTORS * DGFEM_V_LANES];
         DGFEM_VECTOR sum[VECTORS];
         DGFEM_UNROLL
-        for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_MUL(DGFEM_V_LOAD(b + v * DGFEM_V_LANES), DGFEM_V_ALL(a[0]));
+        for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_MUL(b[v], DGFEM_V_ALL(a[0]));
         DGFEM_UNROLL
         for (k = 1; k < inner; k++) {
             DGFEM_VECTOR factor = DGFEM_V_ALL(a[k]);
             DGFEM_UNROLL
-            for (v = 0; v < VECTORS; v++)
-                sum[v] = DGFEM_V_FMA(DGFEM_V_LOAD(b + k * DGFEM_MATRIX_STRIDE + v * DGFEM_V_LANES), factor, sum[v]);
+            for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_FMA(b[k * VECTORS + v], factor, sum[v]);
         }
         DGFEM_UNROLL
-        for (v = 0; v < VECTORS; v++) DGFEM_V_STORE(out + v * DGFEM_V_LANES, sum[v]);
+        for (v = 0; v < VECTORS; v++) DGFEM_V_STORE(matrix + v * DGFEM_V_LANES, sum[v]);
+        DGFEM_UNROLL
+        for (p = 0; p < 3; p++) /* the fourth number is overwritten by the next matrix */
+            memcpy(rows[p] + 3 * j, matrix + 4 * p, 4 * sizeof *matrix);
+    }
+    for (p = 0; p < 3; p++)
+        for (k = 0; k < 4; k++) rows[p][3 * count + k] = 0;
+}
+
+/* Several rows are made before they are added: what was stored in other pieces is slow to read back at once. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_add_sums)(const dgfemi_sums *sums, int inner) {
+    enum { VECTORS = (12 + DGFEM_V_LANES - 1) / DGFEM_V_LANES, TOGETHER = 4 };
+    DGFEM_VECTOR b[9 * VECTORS];
+    dgfem_real rows[3 * TOGETHER][3 * DGFEM_MATRICES_IN_A_ROW + 4];
+    const dgfem_real *a = sums->a;
+    int first, last, i, k, v;
+    DGFEM_UNROLL
+    for (k = 0; k < inner; k++) {
+        const dgfem_real *from = k < 2 ? sums->b[0] : k < 5 ? sums->b[1] : sums->b[2];
+        DGFEM_UNROLL
+        for (v = 0; v < VECTORS; v++)
+            b[k * VECTORS + v] = DGFEM_V_LOAD(from + (k < 2 ? k : k < 5 ? k - 2 : k - 5) * DGFEM_MATRIX_STRIDE +
+                                              v * DGFEM_V_LANES);
+    }
+    for (first = 0; first < sums->rows; first = last) {
+        last = first + TOGETHER < sums->rows ? first + TOGETHER : sums->rows;
+        for (i = first; i < last; i++) {
+            DGFEM_PATH(dgfemi_make_rows)(a, sums->count ? sums->count : i + 1, inner, b, rows + 3 * (i - first));
+            a += sums->step + (i + 1) * sums->growth;
+        }
+        for (i = first; i < last; i++)
+            DGFEM_FOUR(dgfemi_add_rows_of)(rows[3 * (i - first)], 3 * DGFEM_MATRICES_IN_A_ROW + 4,
+                                           3 * (sums->count ? sums->count : i + 1), sums->room,
+                                           sums->out + 3 * i * sums->stride, sums->stride);
     }
 }
 
-/* out = a b: `rows` matrices of 3x3 as sums of `inner` (2, 8 or 9) ones, those of b, with the factors in a. A matrix takes
-   DGFEM_MATRIX_STRIDE reals; those after the ninth are not looked at. */
-static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out) {
-    if (inner == 2) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 2, b, out);
-    else if (inner == 8) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 8, b, out);
-    else DGFEM_PATH(dgfemi_combine_rows)(a, rows, 9, b, out);
+static void DGFEM_PATH(dgfemi_add_matrices)(const dgfemi_sums *sums) {
+    if (sums->inner == 2) DGFEM_PATH(dgfemi_add_sums)(sums, 2);
+    else if (sums->inner == 8) DGFEM_PATH(dgfemi_add_sums)(sums, 8);
+    else DGFEM_PATH(dgfemi_add_sums)(sums, 9);
 }
 
 static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
@@ -11173,7 +11422,10 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
         DGFEM_PATH(dgfemi_solve_panel),
         DGFEM_PATH(dgfemi_solve_panel_transposed),
         DGFEM_PATH(dgfemi_multiply_block),
-        DGFEM_PATH(dgfemi_combine),
+        DGFEM_PATH(dgfemi_add_matrices),
+        DGFEM_FOUR(dgfemi_set_elastic),
+        DGFEM_FOUR(dgfemi_transform),
+        DGFEM_FOUR(dgfemi_add_vectors),
     };
     return &kernels;
 }
@@ -11183,6 +11435,7 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
 #undef DGFEM_CASE_4
 #undef DGFEM_SWITCH
 #undef DGFEM_PATH
+#undef DGFEM_FOUR
 #undef DGFEM_PATH_ID
 #undef DGFEM_VECTOR
 #undef DGFEM_V_LANES
@@ -11204,6 +11457,11 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
 #pragma GCC target("avx2,fma")
 #endif
 #define DGFEM_PATH(name) name##_avx2
+#if DGFEM_REAL_IS_FLOAT
+#define DGFEM_FOUR(name) name##_sse2
+#else
+#define DGFEM_FOUR(name) name##_avx2
+#endif
 #define DGFEM_PATH_ID DGFEM_SIMD_AVX2
 #define DGFEM_VECTORS 3
 #define DGFEM_TILE 4
@@ -11226,6 +11484,7 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
    is inserted for each instruction set, which panel.c describes by
 
        DGFEM_PATH(name)                       the name with the instruction set's suffix
+       DGFEM_FOUR(name)                       the same, or that of an earlier one whose vectors have no more than four lanes
        DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
        DGFEM_VECTORS, DGFEM_TILE              vectors in a strip, columns of a tile (even; divides a strip's rows)
        DGFEM_V_LOAD(p) _STORE(p, v) _ALL(x)   and _ADD(a, b), _SUB(a, b), _MUL(a, b)
@@ -11416,8 +11675,17 @@ static int DGFEM_PATH(dgfemi_factor_tile)(dgfem_real *x, int columns, int offset
 
 static int DGFEM_PATH(dgfemi_strips)(int rows) { return rows / DGFEM_STRIP + (rows % DGFEM_STRIP != 0); }
 
+/* Where strip `strip` of a lower triangle begins: it has all columns up to its own last row, the strips before it
+   likewise. */
+static size_t DGFEM_PATH(dgfemi_triangle_strip)(int strip) {
+    return (size_t)strip * ((size_t)strip + 1) / 2 * DGFEM_STRIP * DGFEM_STRIP;
+}
+
+/* D's last strip ends with the last column, as all those of B do. */
 static dgfem_real *DGFEM_PATH(dgfemi_strip)(const dgfemi_panel *p, int strip) {
-    return p->values + (size_t)strip * DGFEM_STRIP * (size_t)p->width;
+    int last = DGFEM_PATH(dgfemi_strips)(p->width) - 1;
+    if (strip <= last) return p->values + DGFEM_PATH(dgfemi_triangle_strip)(strip);
+    return p->values + DGFEM_PATH(dgfemi_triangle_strip)(last) + (size_t)(strip - last) * DGFEM_STRIP * (size_t)p->width;
 }
 
 /* Row `row` of D, or behind D's strips of B, from column `column` on: the second operand of a product. */
@@ -11496,11 +11764,6 @@ static void DGFEM_PATH(dgfemi_update_strips)(const dgfemi_panel *p, int first, i
         }
 }
 
-/* Where strip `strip` of an update begins: it has all columns up to its own last row, the strips before it likewise. */
-static size_t DGFEM_PATH(dgfemi_update_strip)(int strip) {
-    return (size_t)strip * ((size_t)strip + 1) / 2 * DGFEM_STRIP * DGFEM_STRIP;
-}
-
 /* U = -B B^T, lower half, the strips first <= i < last of it. What is above the diagonal stays undefined. */
 static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u, int first, int last) {
     int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), from, chunk, strip, j;
@@ -11516,7 +11779,7 @@ static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u,
                 for (j = chunk; j < end; j += DGFEM_TILE)
                     DGFEM_PATH(dgfemi_store_tile)(
                         a, DGFEM_PATH(dgfemi_panel_row)(p, pivot_strips * DGFEM_STRIP + j, from), count,
-                        u + DGFEM_PATH(dgfemi_update_strip)(strip) + (size_t)j * DGFEM_STRIP, from > 0,
+                        u + DGFEM_PATH(dgfemi_triangle_strip)(strip) + (size_t)j * DGFEM_STRIP, from > 0,
                         j > row ? (j - row) / DGFEM_V_LANES : 0, vectors, end - j);
             }
     }
@@ -11524,7 +11787,7 @@ static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u,
 
 /* ---- assembly ---- */
 
-/* Zeros strips of a panel, but for what no one reads above D's diagonal. */
+/* Zeros strips of a panel. */
 static void DGFEM_PATH(dgfemi_clear_panel)(const dgfemi_panel *p, int first, int last) {
     int strip;
     for (strip = first; strip < last; strip++)
@@ -11557,10 +11820,10 @@ static void DGFEM_PATH(dgfemi_add_update)(const dgfemi_extension *e, int first, 
     int pivot_strips = DGFEM_PATH(dgfemi_strips)(e->panel.width), width = e->panel.width, s, k, i;
     for (s = first; s < last; s++) {
         const dgfemi_run *rows = e->segments + s;
-        const dgfem_real *from = e->child + DGFEM_PATH(dgfemi_update_strip)(rows->row / DGFEM_STRIP);
+        const dgfem_real *from = e->child + DGFEM_PATH(dgfemi_triangle_strip)(rows->row / DGFEM_STRIP);
         int row = rows->front_row, shift = e->update ? width : 0;
         dgfem_real *to;
-        if (e->update) to = e->update + DGFEM_PATH(dgfemi_update_strip)((row - width) / DGFEM_STRIP);
+        if (e->update) to = e->update + DGFEM_PATH(dgfemi_triangle_strip)((row - width) / DGFEM_STRIP);
         else if (row < width) to = DGFEM_PATH(dgfemi_strip)(&e->panel, row / DGFEM_STRIP);
         else to = DGFEM_PATH(dgfemi_strip)(&e->panel, pivot_strips + (row - width) / DGFEM_STRIP);
         to += (row < width ? row : row - width) % DGFEM_STRIP;
@@ -11757,33 +12020,139 @@ static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int
 
 /* ---- 3x3 matrices ---- */
 
-/* out = a b for `rows` rows of a, with a constant number of columns. */
-DGFEM_INLINE void DGFEM_PATH(dgfemi_combine_rows)(const dgfem_real *a, int rows, int inner, const dgfem_real *b,
-                                                  dgfem_real *out) {
-    enum { VECTORS = (9 + DGFEM_V_LANES - 1) / DGFEM_V_LANES };
+#if DGFEM_V_LANES <= 4
+/* row += from: whole vectors, and then single numbers first <= k < last. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_add_row)(const dgfem_real *from, int vectors, int first, int last,
+                                             dgfem_real *row) {
     int k, v;
-    for (; rows > 0; rows--, a += inner, out += DGFEM_MATRIX_STRIDE) {
+    for (v = 0; v < vectors; v++)
+        DGFEM_V_STORE(row + v * DGFEM_V_LANES,
+                      DGFEM_V_ADD(DGFEM_V_LOAD(row + v * DGFEM_V_LANES), DGFEM_V_LOAD(from + v * DGFEM_V_LANES)));
+    for (k = first; k < last; k++) row[k] += from[k];
+}
+
+/* Three rows of which `count` numbers count; behind them come zeros, and `room` numbers are left in the block's rows. */
+static void DGFEM_PATH(dgfemi_add_rows_of)(const dgfem_real *from, int from_stride, int count, int room, dgfem_real *row,
+                                           int stride) {
+    int vectors = (count + DGFEM_V_LANES - 1) / DGFEM_V_LANES, most = room / DGFEM_V_LANES, p;
+    if (vectors > most) vectors = most;
+    for (p = 0; p < 3; p++, from += from_stride, row += stride)
+        DGFEM_PATH(dgfemi_add_row)(from, vectors, vectors * DGFEM_V_LANES, count, row);
+}
+
+/* k = lambda u v^T + mu v u^T + mu (u.v) I */
+static void DGFEM_PATH(dgfemi_set_elastic)(dgfem_real lambda, dgfem_real mu, const dgfem_real *u, const dgfem_real *v,
+                                           dgfem_real *k) {
+    static const dgfem_real unit[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
+    const DGFEM_VECTOR d = DGFEM_V_ALL(mu * (u[0] * v[0] + u[1] * v[1] + u[2] * v[2]));
+    int p, c;
+    DGFEM_UNROLL
+    for (p = 0; p < 3; p++) {
+        DGFEM_UNROLL
+        for (c = 0; c < 4; c += DGFEM_V_LANES) {
+            DGFEM_VECTOR row = DGFEM_V_MUL(DGFEM_V_LOAD(unit[p] + c), d);
+            row = DGFEM_V_FMA(DGFEM_V_LOAD(u + c), DGFEM_V_ALL(mu * v[p]), row);
+            DGFEM_V_STORE(k + 4 * p + c, DGFEM_V_FMA(DGFEM_V_LOAD(v + c), DGFEM_V_ALL(lambda * u[p]), row));
+        }
+    }
+}
+
+/* out[i] = k[i]^T v for `count` matrices */
+static void DGFEM_PATH(dgfemi_transform)(const dgfem_real *k, int count, const dgfem_real *v, dgfem_real *out) {
+    const DGFEM_VECTOR x = DGFEM_V_ALL(v[0]), y = DGFEM_V_ALL(v[1]), z = DGFEM_V_ALL(v[2]);
+    int i, c;
+    for (i = 0; i < count; i++, k += DGFEM_MATRIX_STRIDE, out += DGFEM_VECTOR_STRIDE)
+        for (c = 0; c < 4; c += DGFEM_V_LANES) {
+            DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(k + c), x);
+            sum = DGFEM_V_FMA(DGFEM_V_LOAD(k + 4 + c), y, sum);
+            DGFEM_V_STORE(out + c, DGFEM_V_FMA(DGFEM_V_LOAD(k + 8 + c), z, sum));
+        }
+}
+
+/* out += a sum of three vectors of b for each part, with the part's three factors. */
+static void DGFEM_PATH(dgfemi_add_vectors)(const dgfem_real **parts, int count, const dgfem_real *b, dgfem_real *out) {
+    enum { VECTORS = 4 / DGFEM_V_LANES };
+    dgfem_real vector[4];
+    DGFEM_VECTOR sum[3 * VECTORS];
+    int k, d, v;
+    DGFEM_UNROLL
+    for (v = 0; v < 3 * VECTORS; v++) sum[v] = DGFEM_V_ALL(0);
+    for (k = 0; k < count; k++, b += 3 * DGFEM_VECTOR_STRIDE) {
+        DGFEM_UNROLL
+        for (d = 0; d < 3; d++) {
+            DGFEM_VECTOR factor = DGFEM_V_ALL(parts[k][d]);
+            DGFEM_UNROLL
+            for (v = 0; v < VECTORS; v++)
+                sum[d * VECTORS + v] = DGFEM_V_FMA(DGFEM_V_LOAD(b + d * DGFEM_VECTOR_STRIDE + v * DGFEM_V_LANES),
+                                                   factor, sum[d * VECTORS + v]);
+        }
+    }
+    DGFEM_UNROLL
+    for (v = 0; v < VECTORS; v++)
+        DGFEM_V_STORE(vector + v * DGFEM_V_LANES,
+                      DGFEM_V_ADD(DGFEM_V_ADD(sum[v], sum[VECTORS + v]), sum[2 * VECTORS + v]));
+    for (d = 0; d < 3; d++) out[d] += vector[d];
+}
+#endif
+
+/* What row i of the sums adds to three rows of the block. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_make_rows)(const dgfem_real *a, int count, int inner, const DGFEM_VECTOR *b,
+                                               dgfem_real (*rows)[3 * DGFEM_MATRICES_IN_A_ROW + 4]) {
+    enum { VECTORS = (12 + DGFEM_V_LANES - 1) / DGFEM_V_LANES };
+    int j, k, v, p;
+    for (j = 0; j < count; j++, a += inner) {
+        dgfem_real matrix[VECTORS * DGFEM_V_LANES];
         DGFEM_VECTOR sum[VECTORS];
         DGFEM_UNROLL
-        for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_MUL(DGFEM_V_LOAD(b + v * DGFEM_V_LANES), DGFEM_V_ALL(a[0]));
+        for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_MUL(b[v], DGFEM_V_ALL(a[0]));
         DGFEM_UNROLL
         for (k = 1; k < inner; k++) {
             DGFEM_VECTOR factor = DGFEM_V_ALL(a[k]);
             DGFEM_UNROLL
-            for (v = 0; v < VECTORS; v++)
-                sum[v] = DGFEM_V_FMA(DGFEM_V_LOAD(b + k * DGFEM_MATRIX_STRIDE + v * DGFEM_V_LANES), factor, sum[v]);
+            for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_FMA(b[k * VECTORS + v], factor, sum[v]);
         }
         DGFEM_UNROLL
-        for (v = 0; v < VECTORS; v++) DGFEM_V_STORE(out + v * DGFEM_V_LANES, sum[v]);
+        for (v = 0; v < VECTORS; v++) DGFEM_V_STORE(matrix + v * DGFEM_V_LANES, sum[v]);
+        DGFEM_UNROLL
+        for (p = 0; p < 3; p++) /* the fourth number is overwritten by the next matrix */
+            memcpy(rows[p] + 3 * j, matrix + 4 * p, 4 * sizeof *matrix);
+    }
+    for (p = 0; p < 3; p++)
+        for (k = 0; k < 4; k++) rows[p][3 * count + k] = 0;
+}
+
+/* Several rows are made before they are added: what was stored in other pieces is slow to read back at once. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_add_sums)(const dgfemi_sums *sums, int inner) {
+    enum { VECTORS = (12 + DGFEM_V_LANES - 1) / DGFEM_V_LANES, TOGETHER = 4 };
+    DGFEM_VECTOR b[9 * VECTORS];
+    dgfem_real rows[3 * TOGETHER][3 * DGFEM_MATRICES_IN_A_ROW + 4];
+    const dgfem_real *a = sums->a;
+    int first, last, i, k, v;
+    DGFEM_UNROLL
+    for (k = 0; k < inner; k++) {
+        const dgfem_real *from = k < 2 ? sums->b[0] : k < 5 ? sums->b[1] : sums->b[2];
+        DGFEM_UNROLL
+        for (v = 0; v < VECTORS; v++)
+            b[k * VECTORS + v] = DGFEM_V_LOAD(from + (k < 2 ? k : k < 5 ? k - 2 : k - 5) * DGFEM_MATRIX_STRIDE +
+                                              v * DGFEM_V_LANES);
+    }
+    for (first = 0; first < sums->rows; first = last) {
+        last = first + TOGETHER < sums->rows ? first + TOGETHER : sums->rows;
+        for (i = first; i < last; i++) {
+            DGFEM_PATH(dgfemi_make_rows)(a, sums->count ? sums->count : i + 1, inner, b, rows + 3 * (i - first));
+            a += sums->step + (i + 1) * sums->growth;
+        }
+        for (i = first; i < last; i++)
+            DGFEM_FOUR(dgfemi_add_rows_of)(rows[3 * (i - first)], 3 * DGFEM_MATRICES_IN_A_ROW + 4,
+                                           3 * (sums->count ? sums->count : i + 1), sums->room,
+                                           sums->out + 3 * i * sums->stride, sums->stride);
     }
 }
 
-/* out = a b: `rows` matrices of 3x3 as sums of `inner` (2, 8 or 9) ones, those of b, with the factors in a. A matrix takes
-   DGFEM_MATRIX_STRIDE reals; those after the ninth are not looked at. */
-static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out) {
-    if (inner == 2) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 2, b, out);
-    else if (inner == 8) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 8, b, out);
-    else DGFEM_PATH(dgfemi_combine_rows)(a, rows, 9, b, out);
+static void DGFEM_PATH(dgfemi_add_matrices)(const dgfemi_sums *sums) {
+    if (sums->inner == 2) DGFEM_PATH(dgfemi_add_sums)(sums, 2);
+    else if (sums->inner == 8) DGFEM_PATH(dgfemi_add_sums)(sums, 8);
+    else DGFEM_PATH(dgfemi_add_sums)(sums, 9);
 }
 
 static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
@@ -11801,7 +12170,10 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
         DGFEM_PATH(dgfemi_solve_panel),
         DGFEM_PATH(dgfemi_solve_panel_transposed),
         DGFEM_PATH(dgfemi_multiply_block),
-        DGFEM_PATH(dgfemi_combine),
+        DGFEM_PATH(dgfemi_add_matrices),
+        DGFEM_FOUR(dgfemi_set_elastic),
+        DGFEM_FOUR(dgfemi_transform),
+        DGFEM_FOUR(dgfemi_add_vectors),
     };
     return &kernels;
 }
@@ -11811,6 +12183,7 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
 #undef DGFEM_CASE_4
 #undef DGFEM_SWITCH
 #undef DGFEM_PATH
+#undef DGFEM_FOUR
 #undef DGFEM_PATH_ID
 #undef DGFEM_VECTOR
 #undef DGFEM_V_LANES
@@ -11838,6 +12211,11 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
 #pragma GCC target("avx512f,fma")
 #endif
 #define DGFEM_PATH(name) name##_avx512
+#if DGFEM_REAL_IS_FLOAT
+#define DGFEM_FOUR(name) name##_sse2
+#else
+#define DGFEM_FOUR(name) name##_avx2
+#endif
 #define DGFEM_PATH_ID DGFEM_SIMD_AVX512
 #define DGFEM_VECTORS 3
 #define DGFEM_TILE 8
@@ -11860,6 +12238,7 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
    is inserted for each instruction set, which panel.c describes by
 
        DGFEM_PATH(name)                       the name with the instruction set's suffix
+       DGFEM_FOUR(name)                       the same, or that of an earlier one whose vectors have no more than four lanes
        DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
        DGFEM_VECTORS, DGFEM_TILE              vectors in a strip, columns of a tile (even; divides a strip's rows)
        DGFEM_V_LOAD(p) _STORE(p, v) _ALL(x)   and _ADD(a, b), _SUB(a, b), _MUL(a, b)
@@ -12050,8 +12429,17 @@ static int DGFEM_PATH(dgfemi_factor_tile)(dgfem_real *x, int columns, int offset
 
 static int DGFEM_PATH(dgfemi_strips)(int rows) { return rows / DGFEM_STRIP + (rows % DGFEM_STRIP != 0); }
 
+/* Where strip `strip` of a lower triangle begins: it has all columns up to its own last row, the strips before it
+   likewise. */
+static size_t DGFEM_PATH(dgfemi_triangle_strip)(int strip) {
+    return (size_t)strip * ((size_t)strip + 1) / 2 * DGFEM_STRIP * DGFEM_STRIP;
+}
+
+/* D's last strip ends with the last column, as all those of B do. */
 static dgfem_real *DGFEM_PATH(dgfemi_strip)(const dgfemi_panel *p, int strip) {
-    return p->values + (size_t)strip * DGFEM_STRIP * (size_t)p->width;
+    int last = DGFEM_PATH(dgfemi_strips)(p->width) - 1;
+    if (strip <= last) return p->values + DGFEM_PATH(dgfemi_triangle_strip)(strip);
+    return p->values + DGFEM_PATH(dgfemi_triangle_strip)(last) + (size_t)(strip - last) * DGFEM_STRIP * (size_t)p->width;
 }
 
 /* Row `row` of D, or behind D's strips of B, from column `column` on: the second operand of a product. */
@@ -12130,11 +12518,6 @@ static void DGFEM_PATH(dgfemi_update_strips)(const dgfemi_panel *p, int first, i
         }
 }
 
-/* Where strip `strip` of an update begins: it has all columns up to its own last row, the strips before it likewise. */
-static size_t DGFEM_PATH(dgfemi_update_strip)(int strip) {
-    return (size_t)strip * ((size_t)strip + 1) / 2 * DGFEM_STRIP * DGFEM_STRIP;
-}
-
 /* U = -B B^T, lower half, the strips first <= i < last of it. What is above the diagonal stays undefined. */
 static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u, int first, int last) {
     int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), from, chunk, strip, j;
@@ -12150,7 +12533,7 @@ static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u,
                 for (j = chunk; j < end; j += DGFEM_TILE)
                     DGFEM_PATH(dgfemi_store_tile)(
                         a, DGFEM_PATH(dgfemi_panel_row)(p, pivot_strips * DGFEM_STRIP + j, from), count,
-                        u + DGFEM_PATH(dgfemi_update_strip)(strip) + (size_t)j * DGFEM_STRIP, from > 0,
+                        u + DGFEM_PATH(dgfemi_triangle_strip)(strip) + (size_t)j * DGFEM_STRIP, from > 0,
                         j > row ? (j - row) / DGFEM_V_LANES : 0, vectors, end - j);
             }
     }
@@ -12158,7 +12541,7 @@ static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u,
 
 /* ---- assembly ---- */
 
-/* Zeros strips of a panel, but for what no one reads above D's diagonal. */
+/* Zeros strips of a panel. */
 static void DGFEM_PATH(dgfemi_clear_panel)(const dgfemi_panel *p, int first, int last) {
     int strip;
     for (strip = first; strip < last; strip++)
@@ -12191,10 +12574,10 @@ static void DGFEM_PATH(dgfemi_add_update)(const dgfemi_extension *e, int first, 
     int pivot_strips = DGFEM_PATH(dgfemi_strips)(e->panel.width), width = e->panel.width, s, k, i;
     for (s = first; s < last; s++) {
         const dgfemi_run *rows = e->segments + s;
-        const dgfem_real *from = e->child + DGFEM_PATH(dgfemi_update_strip)(rows->row / DGFEM_STRIP);
+        const dgfem_real *from = e->child + DGFEM_PATH(dgfemi_triangle_strip)(rows->row / DGFEM_STRIP);
         int row = rows->front_row, shift = e->update ? width : 0;
         dgfem_real *to;
-        if (e->update) to = e->update + DGFEM_PATH(dgfemi_update_strip)((row - width) / DGFEM_STRIP);
+        if (e->update) to = e->update + DGFEM_PATH(dgfemi_triangle_strip)((row - width) / DGFEM_STRIP);
         else if (row < width) to = DGFEM_PATH(dgfemi_strip)(&e->panel, row / DGFEM_STRIP);
         else to = DGFEM_PATH(dgfemi_strip)(&e->panel, pivot_strips + (row - width) / DGFEM_STRIP);
         to += (row < width ? row : row - width) % DGFEM_STRIP;
@@ -12391,33 +12774,139 @@ static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int
 
 /* ---- 3x3 matrices ---- */
 
-/* out = a b for `rows` rows of a, with a constant number of columns. */
-DGFEM_INLINE void DGFEM_PATH(dgfemi_combine_rows)(const dgfem_real *a, int rows, int inner, const dgfem_real *b,
-                                                  dgfem_real *out) {
-    enum { VECTORS = (9 + DGFEM_V_LANES - 1) / DGFEM_V_LANES };
+#if DGFEM_V_LANES <= 4
+/* row += from: whole vectors, and then single numbers first <= k < last. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_add_row)(const dgfem_real *from, int vectors, int first, int last,
+                                             dgfem_real *row) {
     int k, v;
-    for (; rows > 0; rows--, a += inner, out += DGFEM_MATRIX_STRIDE) {
+    for (v = 0; v < vectors; v++)
+        DGFEM_V_STORE(row + v * DGFEM_V_LANES,
+                      DGFEM_V_ADD(DGFEM_V_LOAD(row + v * DGFEM_V_LANES), DGFEM_V_LOAD(from + v * DGFEM_V_LANES)));
+    for (k = first; k < last; k++) row[k] += from[k];
+}
+
+/* Three rows of which `count` numbers count; behind them come zeros, and `room` numbers are left in the block's rows. */
+static void DGFEM_PATH(dgfemi_add_rows_of)(const dgfem_real *from, int from_stride, int count, int room, dgfem_real *row,
+                                           int stride) {
+    int vectors = (count + DGFEM_V_LANES - 1) / DGFEM_V_LANES, most = room / DGFEM_V_LANES, p;
+    if (vectors > most) vectors = most;
+    for (p = 0; p < 3; p++, from += from_stride, row += stride)
+        DGFEM_PATH(dgfemi_add_row)(from, vectors, vectors * DGFEM_V_LANES, count, row);
+}
+
+/* k = lambda u v^T + mu v u^T + mu (u.v) I */
+static void DGFEM_PATH(dgfemi_set_elastic)(dgfem_real lambda, dgfem_real mu, const dgfem_real *u, const dgfem_real *v,
+                                           dgfem_real *k) {
+    static const dgfem_real unit[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
+    const DGFEM_VECTOR d = DGFEM_V_ALL(mu * (u[0] * v[0] + u[1] * v[1] + u[2] * v[2]));
+    int p, c;
+    DGFEM_UNROLL
+    for (p = 0; p < 3; p++) {
+        DGFEM_UNROLL
+        for (c = 0; c < 4; c += DGFEM_V_LANES) {
+            DGFEM_VECTOR row = DGFEM_V_MUL(DGFEM_V_LOAD(unit[p] + c), d);
+            row = DGFEM_V_FMA(DGFEM_V_LOAD(u + c), DGFEM_V_ALL(mu * v[p]), row);
+            DGFEM_V_STORE(k + 4 * p + c, DGFEM_V_FMA(DGFEM_V_LOAD(v + c), DGFEM_V_ALL(lambda * u[p]), row));
+        }
+    }
+}
+
+/* out[i] = k[i]^T v for `count` matrices */
+static void DGFEM_PATH(dgfemi_transform)(const dgfem_real *k, int count, const dgfem_real *v, dgfem_real *out) {
+    const DGFEM_VECTOR x = DGFEM_V_ALL(v[0]), y = DGFEM_V_ALL(v[1]), z = DGFEM_V_ALL(v[2]);
+    int i, c;
+    for (i = 0; i < count; i++, k += DGFEM_MATRIX_STRIDE, out += DGFEM_VECTOR_STRIDE)
+        for (c = 0; c < 4; c += DGFEM_V_LANES) {
+            DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(k + c), x);
+            sum = DGFEM_V_FMA(DGFEM_V_LOAD(k + 4 + c), y, sum);
+            DGFEM_V_STORE(out + c, DGFEM_V_FMA(DGFEM_V_LOAD(k + 8 + c), z, sum));
+        }
+}
+
+/* out += a sum of three vectors of b for each part, with the part's three factors. */
+static void DGFEM_PATH(dgfemi_add_vectors)(const dgfem_real **parts, int count, const dgfem_real *b, dgfem_real *out) {
+    enum { VECTORS = 4 / DGFEM_V_LANES };
+    dgfem_real vector[4];
+    DGFEM_VECTOR sum[3 * VECTORS];
+    int k, d, v;
+    DGFEM_UNROLL
+    for (v = 0; v < 3 * VECTORS; v++) sum[v] = DGFEM_V_ALL(0);
+    for (k = 0; k < count; k++, b += 3 * DGFEM_VECTOR_STRIDE) {
+        DGFEM_UNROLL
+        for (d = 0; d < 3; d++) {
+            DGFEM_VECTOR factor = DGFEM_V_ALL(parts[k][d]);
+            DGFEM_UNROLL
+            for (v = 0; v < VECTORS; v++)
+                sum[d * VECTORS + v] = DGFEM_V_FMA(DGFEM_V_LOAD(b + d * DGFEM_VECTOR_STRIDE + v * DGFEM_V_LANES),
+                                                   factor, sum[d * VECTORS + v]);
+        }
+    }
+    DGFEM_UNROLL
+    for (v = 0; v < VECTORS; v++)
+        DGFEM_V_STORE(vector + v * DGFEM_V_LANES,
+                      DGFEM_V_ADD(DGFEM_V_ADD(sum[v], sum[VECTORS + v]), sum[2 * VECTORS + v]));
+    for (d = 0; d < 3; d++) out[d] += vector[d];
+}
+#endif
+
+/* What row i of the sums adds to three rows of the block. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_make_rows)(const dgfem_real *a, int count, int inner, const DGFEM_VECTOR *b,
+                                               dgfem_real (*rows)[3 * DGFEM_MATRICES_IN_A_ROW + 4]) {
+    enum { VECTORS = (12 + DGFEM_V_LANES - 1) / DGFEM_V_LANES };
+    int j, k, v, p;
+    for (j = 0; j < count; j++, a += inner) {
+        dgfem_real matrix[VECTORS * DGFEM_V_LANES];
         DGFEM_VECTOR sum[VECTORS];
         DGFEM_UNROLL
-        for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_MUL(DGFEM_V_LOAD(b + v * DGFEM_V_LANES), DGFEM_V_ALL(a[0]));
+        for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_MUL(b[v], DGFEM_V_ALL(a[0]));
         DGFEM_UNROLL
         for (k = 1; k < inner; k++) {
             DGFEM_VECTOR factor = DGFEM_V_ALL(a[k]);
             DGFEM_UNROLL
-            for (v = 0; v < VECTORS; v++)
-                sum[v] = DGFEM_V_FMA(DGFEM_V_LOAD(b + k * DGFEM_MATRIX_STRIDE + v * DGFEM_V_LANES), factor, sum[v]);
+            for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_FMA(b[k * VECTORS + v], factor, sum[v]);
         }
         DGFEM_UNROLL
-        for (v = 0; v < VECTORS; v++) DGFEM_V_STORE(out + v * DGFEM_V_LANES, sum[v]);
+        for (v = 0; v < VECTORS; v++) DGFEM_V_STORE(matrix + v * DGFEM_V_LANES, sum[v]);
+        DGFEM_UNROLL
+        for (p = 0; p < 3; p++) /* the fourth number is overwritten by the next matrix */
+            memcpy(rows[p] + 3 * j, matrix + 4 * p, 4 * sizeof *matrix);
+    }
+    for (p = 0; p < 3; p++)
+        for (k = 0; k < 4; k++) rows[p][3 * count + k] = 0;
+}
+
+/* Several rows are made before they are added: what was stored in other pieces is slow to read back at once. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_add_sums)(const dgfemi_sums *sums, int inner) {
+    enum { VECTORS = (12 + DGFEM_V_LANES - 1) / DGFEM_V_LANES, TOGETHER = 4 };
+    DGFEM_VECTOR b[9 * VECTORS];
+    dgfem_real rows[3 * TOGETHER][3 * DGFEM_MATRICES_IN_A_ROW + 4];
+    const dgfem_real *a = sums->a;
+    int first, last, i, k, v;
+    DGFEM_UNROLL
+    for (k = 0; k < inner; k++) {
+        const dgfem_real *from = k < 2 ? sums->b[0] : k < 5 ? sums->b[1] : sums->b[2];
+        DGFEM_UNROLL
+        for (v = 0; v < VECTORS; v++)
+            b[k * VECTORS + v] = DGFEM_V_LOAD(from + (k < 2 ? k : k < 5 ? k - 2 : k - 5) * DGFEM_MATRIX_STRIDE +
+                                              v * DGFEM_V_LANES);
+    }
+    for (first = 0; first < sums->rows; first = last) {
+        last = first + TOGETHER < sums->rows ? first + TOGETHER : sums->rows;
+        for (i = first; i < last; i++) {
+            DGFEM_PATH(dgfemi_make_rows)(a, sums->count ? sums->count : i + 1, inner, b, rows + 3 * (i - first));
+            a += sums->step + (i + 1) * sums->growth;
+        }
+        for (i = first; i < last; i++)
+            DGFEM_FOUR(dgfemi_add_rows_of)(rows[3 * (i - first)], 3 * DGFEM_MATRICES_IN_A_ROW + 4,
+                                           3 * (sums->count ? sums->count : i + 1), sums->room,
+                                           sums->out + 3 * i * sums->stride, sums->stride);
     }
 }
 
-/* out = a b: `rows` matrices of 3x3 as sums of `inner` (2, 8 or 9) ones, those of b, with the factors in a. A matrix takes
-   DGFEM_MATRIX_STRIDE reals; those after the ninth are not looked at. */
-static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out) {
-    if (inner == 2) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 2, b, out);
-    else if (inner == 8) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 8, b, out);
-    else DGFEM_PATH(dgfemi_combine_rows)(a, rows, 9, b, out);
+static void DGFEM_PATH(dgfemi_add_matrices)(const dgfemi_sums *sums) {
+    if (sums->inner == 2) DGFEM_PATH(dgfemi_add_sums)(sums, 2);
+    else if (sums->inner == 8) DGFEM_PATH(dgfemi_add_sums)(sums, 8);
+    else DGFEM_PATH(dgfemi_add_sums)(sums, 9);
 }
 
 static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
@@ -12435,7 +12924,10 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
         DGFEM_PATH(dgfemi_solve_panel),
         DGFEM_PATH(dgfemi_solve_panel_transposed),
         DGFEM_PATH(dgfemi_multiply_block),
-        DGFEM_PATH(dgfemi_combine),
+        DGFEM_PATH(dgfemi_add_matrices),
+        DGFEM_FOUR(dgfemi_set_elastic),
+        DGFEM_FOUR(dgfemi_transform),
+        DGFEM_FOUR(dgfemi_add_vectors),
     };
     return &kernels;
 }
@@ -12445,6 +12937,7 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
 #undef DGFEM_CASE_4
 #undef DGFEM_SWITCH
 #undef DGFEM_PATH
+#undef DGFEM_FOUR
 #undef DGFEM_PATH_ID
 #undef DGFEM_VECTOR
 #undef DGFEM_V_LANES
@@ -12481,6 +12974,7 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
 #define DGFEM_V_LANES 2
 #endif
 #define DGFEM_PATH(name) name##_neon
+#define DGFEM_FOUR(name) name##_neon
 #define DGFEM_PATH_ID DGFEM_SIMD_NEON
 #define DGFEM_VECTORS 4
 #define DGFEM_TILE 4
@@ -12496,6 +12990,7 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
    is inserted for each instruction set, which panel.c describes by
 
        DGFEM_PATH(name)                       the name with the instruction set's suffix
+       DGFEM_FOUR(name)                       the same, or that of an earlier one whose vectors have no more than four lanes
        DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
        DGFEM_VECTORS, DGFEM_TILE              vectors in a strip, columns of a tile (even; divides a strip's rows)
        DGFEM_V_LOAD(p) _STORE(p, v) _ALL(x)   and _ADD(a, b), _SUB(a, b), _MUL(a, b)
@@ -12686,8 +13181,17 @@ static int DGFEM_PATH(dgfemi_factor_tile)(dgfem_real *x, int columns, int offset
 
 static int DGFEM_PATH(dgfemi_strips)(int rows) { return rows / DGFEM_STRIP + (rows % DGFEM_STRIP != 0); }
 
+/* Where strip `strip` of a lower triangle begins: it has all columns up to its own last row, the strips before it
+   likewise. */
+static size_t DGFEM_PATH(dgfemi_triangle_strip)(int strip) {
+    return (size_t)strip * ((size_t)strip + 1) / 2 * DGFEM_STRIP * DGFEM_STRIP;
+}
+
+/* D's last strip ends with the last column, as all those of B do. */
 static dgfem_real *DGFEM_PATH(dgfemi_strip)(const dgfemi_panel *p, int strip) {
-    return p->values + (size_t)strip * DGFEM_STRIP * (size_t)p->width;
+    int last = DGFEM_PATH(dgfemi_strips)(p->width) - 1;
+    if (strip <= last) return p->values + DGFEM_PATH(dgfemi_triangle_strip)(strip);
+    return p->values + DGFEM_PATH(dgfemi_triangle_strip)(last) + (size_t)(strip - last) * DGFEM_STRIP * (size_t)p->width;
 }
 
 /* Row `row` of D, or behind D's strips of B, from column `column` on: the second operand of a product. */
@@ -12766,11 +13270,6 @@ static void DGFEM_PATH(dgfemi_update_strips)(const dgfemi_panel *p, int first, i
         }
 }
 
-/* Where strip `strip` of an update begins: it has all columns up to its own last row, the strips before it likewise. */
-static size_t DGFEM_PATH(dgfemi_update_strip)(int strip) {
-    return (size_t)strip * ((size_t)strip + 1) / 2 * DGFEM_STRIP * DGFEM_STRIP;
-}
-
 /* U = -B B^T, lower half, the strips first <= i < last of it. What is above the diagonal stays undefined. */
 static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u, int first, int last) {
     int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), from, chunk, strip, j;
@@ -12786,7 +13285,7 @@ static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u,
                 for (j = chunk; j < end; j += DGFEM_TILE)
                     DGFEM_PATH(dgfemi_store_tile)(
                         a, DGFEM_PATH(dgfemi_panel_row)(p, pivot_strips * DGFEM_STRIP + j, from), count,
-                        u + DGFEM_PATH(dgfemi_update_strip)(strip) + (size_t)j * DGFEM_STRIP, from > 0,
+                        u + DGFEM_PATH(dgfemi_triangle_strip)(strip) + (size_t)j * DGFEM_STRIP, from > 0,
                         j > row ? (j - row) / DGFEM_V_LANES : 0, vectors, end - j);
             }
     }
@@ -12794,7 +13293,7 @@ static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u,
 
 /* ---- assembly ---- */
 
-/* Zeros strips of a panel, but for what no one reads above D's diagonal. */
+/* Zeros strips of a panel. */
 static void DGFEM_PATH(dgfemi_clear_panel)(const dgfemi_panel *p, int first, int last) {
     int strip;
     for (strip = first; strip < last; strip++)
@@ -12827,10 +13326,10 @@ static void DGFEM_PATH(dgfemi_add_update)(const dgfemi_extension *e, int first, 
     int pivot_strips = DGFEM_PATH(dgfemi_strips)(e->panel.width), width = e->panel.width, s, k, i;
     for (s = first; s < last; s++) {
         const dgfemi_run *rows = e->segments + s;
-        const dgfem_real *from = e->child + DGFEM_PATH(dgfemi_update_strip)(rows->row / DGFEM_STRIP);
+        const dgfem_real *from = e->child + DGFEM_PATH(dgfemi_triangle_strip)(rows->row / DGFEM_STRIP);
         int row = rows->front_row, shift = e->update ? width : 0;
         dgfem_real *to;
-        if (e->update) to = e->update + DGFEM_PATH(dgfemi_update_strip)((row - width) / DGFEM_STRIP);
+        if (e->update) to = e->update + DGFEM_PATH(dgfemi_triangle_strip)((row - width) / DGFEM_STRIP);
         else if (row < width) to = DGFEM_PATH(dgfemi_strip)(&e->panel, row / DGFEM_STRIP);
         else to = DGFEM_PATH(dgfemi_strip)(&e->panel, pivot_strips + (row - width) / DGFEM_STRIP);
         to += (row < width ? row : row - width) % DGFEM_STRIP;
@@ -13027,33 +13526,139 @@ static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int
 
 /* ---- 3x3 matrices ---- */
 
-/* out = a b for `rows` rows of a, with a constant number of columns. */
-DGFEM_INLINE void DGFEM_PATH(dgfemi_combine_rows)(const dgfem_real *a, int rows, int inner, const dgfem_real *b,
-                                                  dgfem_real *out) {
-    enum { VECTORS = (9 + DGFEM_V_LANES - 1) / DGFEM_V_LANES };
+#if DGFEM_V_LANES <= 4
+/* row += from: whole vectors, and then single numbers first <= k < last. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_add_row)(const dgfem_real *from, int vectors, int first, int last,
+                                             dgfem_real *row) {
     int k, v;
-    for (; rows > 0; rows--, a += inner, out += DGFEM_MATRIX_STRIDE) {
+    for (v = 0; v < vectors; v++)
+        DGFEM_V_STORE(row + v * DGFEM_V_LANES,
+                      DGFEM_V_ADD(DGFEM_V_LOAD(row + v * DGFEM_V_LANES), DGFEM_V_LOAD(from + v * DGFEM_V_LANES)));
+    for (k = first; k < last; k++) row[k] += from[k];
+}
+
+/* Three rows of which `count` numbers count; behind them come zeros, and `room` numbers are left in the block's rows. */
+static void DGFEM_PATH(dgfemi_add_rows_of)(const dgfem_real *from, int from_stride, int count, int room, dgfem_real *row,
+                                           int stride) {
+    int vectors = (count + DGFEM_V_LANES - 1) / DGFEM_V_LANES, most = room / DGFEM_V_LANES, p;
+    if (vectors > most) vectors = most;
+    for (p = 0; p < 3; p++, from += from_stride, row += stride)
+        DGFEM_PATH(dgfemi_add_row)(from, vectors, vectors * DGFEM_V_LANES, count, row);
+}
+
+/* k = lambda u v^T + mu v u^T + mu (u.v) I */
+static void DGFEM_PATH(dgfemi_set_elastic)(dgfem_real lambda, dgfem_real mu, const dgfem_real *u, const dgfem_real *v,
+                                           dgfem_real *k) {
+    static const dgfem_real unit[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
+    const DGFEM_VECTOR d = DGFEM_V_ALL(mu * (u[0] * v[0] + u[1] * v[1] + u[2] * v[2]));
+    int p, c;
+    DGFEM_UNROLL
+    for (p = 0; p < 3; p++) {
+        DGFEM_UNROLL
+        for (c = 0; c < 4; c += DGFEM_V_LANES) {
+            DGFEM_VECTOR row = DGFEM_V_MUL(DGFEM_V_LOAD(unit[p] + c), d);
+            row = DGFEM_V_FMA(DGFEM_V_LOAD(u + c), DGFEM_V_ALL(mu * v[p]), row);
+            DGFEM_V_STORE(k + 4 * p + c, DGFEM_V_FMA(DGFEM_V_LOAD(v + c), DGFEM_V_ALL(lambda * u[p]), row));
+        }
+    }
+}
+
+/* out[i] = k[i]^T v for `count` matrices */
+static void DGFEM_PATH(dgfemi_transform)(const dgfem_real *k, int count, const dgfem_real *v, dgfem_real *out) {
+    const DGFEM_VECTOR x = DGFEM_V_ALL(v[0]), y = DGFEM_V_ALL(v[1]), z = DGFEM_V_ALL(v[2]);
+    int i, c;
+    for (i = 0; i < count; i++, k += DGFEM_MATRIX_STRIDE, out += DGFEM_VECTOR_STRIDE)
+        for (c = 0; c < 4; c += DGFEM_V_LANES) {
+            DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(k + c), x);
+            sum = DGFEM_V_FMA(DGFEM_V_LOAD(k + 4 + c), y, sum);
+            DGFEM_V_STORE(out + c, DGFEM_V_FMA(DGFEM_V_LOAD(k + 8 + c), z, sum));
+        }
+}
+
+/* out += a sum of three vectors of b for each part, with the part's three factors. */
+static void DGFEM_PATH(dgfemi_add_vectors)(const dgfem_real **parts, int count, const dgfem_real *b, dgfem_real *out) {
+    enum { VECTORS = 4 / DGFEM_V_LANES };
+    dgfem_real vector[4];
+    DGFEM_VECTOR sum[3 * VECTORS];
+    int k, d, v;
+    DGFEM_UNROLL
+    for (v = 0; v < 3 * VECTORS; v++) sum[v] = DGFEM_V_ALL(0);
+    for (k = 0; k < count; k++, b += 3 * DGFEM_VECTOR_STRIDE) {
+        DGFEM_UNROLL
+        for (d = 0; d < 3; d++) {
+            DGFEM_VECTOR factor = DGFEM_V_ALL(parts[k][d]);
+            DGFEM_UNROLL
+            for (v = 0; v < VECTORS; v++)
+                sum[d * VECTORS + v] = DGFEM_V_FMA(DGFEM_V_LOAD(b + d * DGFEM_VECTOR_STRIDE + v * DGFEM_V_LANES),
+                                                   factor, sum[d * VECTORS + v]);
+        }
+    }
+    DGFEM_UNROLL
+    for (v = 0; v < VECTORS; v++)
+        DGFEM_V_STORE(vector + v * DGFEM_V_LANES,
+                      DGFEM_V_ADD(DGFEM_V_ADD(sum[v], sum[VECTORS + v]), sum[2 * VECTORS + v]));
+    for (d = 0; d < 3; d++) out[d] += vector[d];
+}
+#endif
+
+/* What row i of the sums adds to three rows of the block. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_make_rows)(const dgfem_real *a, int count, int inner, const DGFEM_VECTOR *b,
+                                               dgfem_real (*rows)[3 * DGFEM_MATRICES_IN_A_ROW + 4]) {
+    enum { VECTORS = (12 + DGFEM_V_LANES - 1) / DGFEM_V_LANES };
+    int j, k, v, p;
+    for (j = 0; j < count; j++, a += inner) {
+        dgfem_real matrix[VECTORS * DGFEM_V_LANES];
         DGFEM_VECTOR sum[VECTORS];
         DGFEM_UNROLL
-        for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_MUL(DGFEM_V_LOAD(b + v * DGFEM_V_LANES), DGFEM_V_ALL(a[0]));
+        for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_MUL(b[v], DGFEM_V_ALL(a[0]));
         DGFEM_UNROLL
         for (k = 1; k < inner; k++) {
             DGFEM_VECTOR factor = DGFEM_V_ALL(a[k]);
             DGFEM_UNROLL
-            for (v = 0; v < VECTORS; v++)
-                sum[v] = DGFEM_V_FMA(DGFEM_V_LOAD(b + k * DGFEM_MATRIX_STRIDE + v * DGFEM_V_LANES), factor, sum[v]);
+            for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_FMA(b[k * VECTORS + v], factor, sum[v]);
         }
         DGFEM_UNROLL
-        for (v = 0; v < VECTORS; v++) DGFEM_V_STORE(out + v * DGFEM_V_LANES, sum[v]);
+        for (v = 0; v < VECTORS; v++) DGFEM_V_STORE(matrix + v * DGFEM_V_LANES, sum[v]);
+        DGFEM_UNROLL
+        for (p = 0; p < 3; p++) /* the fourth number is overwritten by the next matrix */
+            memcpy(rows[p] + 3 * j, matrix + 4 * p, 4 * sizeof *matrix);
+    }
+    for (p = 0; p < 3; p++)
+        for (k = 0; k < 4; k++) rows[p][3 * count + k] = 0;
+}
+
+/* Several rows are made before they are added: what was stored in other pieces is slow to read back at once. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_add_sums)(const dgfemi_sums *sums, int inner) {
+    enum { VECTORS = (12 + DGFEM_V_LANES - 1) / DGFEM_V_LANES, TOGETHER = 4 };
+    DGFEM_VECTOR b[9 * VECTORS];
+    dgfem_real rows[3 * TOGETHER][3 * DGFEM_MATRICES_IN_A_ROW + 4];
+    const dgfem_real *a = sums->a;
+    int first, last, i, k, v;
+    DGFEM_UNROLL
+    for (k = 0; k < inner; k++) {
+        const dgfem_real *from = k < 2 ? sums->b[0] : k < 5 ? sums->b[1] : sums->b[2];
+        DGFEM_UNROLL
+        for (v = 0; v < VECTORS; v++)
+            b[k * VECTORS + v] = DGFEM_V_LOAD(from + (k < 2 ? k : k < 5 ? k - 2 : k - 5) * DGFEM_MATRIX_STRIDE +
+                                              v * DGFEM_V_LANES);
+    }
+    for (first = 0; first < sums->rows; first = last) {
+        last = first + TOGETHER < sums->rows ? first + TOGETHER : sums->rows;
+        for (i = first; i < last; i++) {
+            DGFEM_PATH(dgfemi_make_rows)(a, sums->count ? sums->count : i + 1, inner, b, rows + 3 * (i - first));
+            a += sums->step + (i + 1) * sums->growth;
+        }
+        for (i = first; i < last; i++)
+            DGFEM_FOUR(dgfemi_add_rows_of)(rows[3 * (i - first)], 3 * DGFEM_MATRICES_IN_A_ROW + 4,
+                                           3 * (sums->count ? sums->count : i + 1), sums->room,
+                                           sums->out + 3 * i * sums->stride, sums->stride);
     }
 }
 
-/* out = a b: `rows` matrices of 3x3 as sums of `inner` (2, 8 or 9) ones, those of b, with the factors in a. A matrix takes
-   DGFEM_MATRIX_STRIDE reals; those after the ninth are not looked at. */
-static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out) {
-    if (inner == 2) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 2, b, out);
-    else if (inner == 8) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 8, b, out);
-    else DGFEM_PATH(dgfemi_combine_rows)(a, rows, 9, b, out);
+static void DGFEM_PATH(dgfemi_add_matrices)(const dgfemi_sums *sums) {
+    if (sums->inner == 2) DGFEM_PATH(dgfemi_add_sums)(sums, 2);
+    else if (sums->inner == 8) DGFEM_PATH(dgfemi_add_sums)(sums, 8);
+    else DGFEM_PATH(dgfemi_add_sums)(sums, 9);
 }
 
 static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
@@ -13071,7 +13676,10 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
         DGFEM_PATH(dgfemi_solve_panel),
         DGFEM_PATH(dgfemi_solve_panel_transposed),
         DGFEM_PATH(dgfemi_multiply_block),
-        DGFEM_PATH(dgfemi_combine),
+        DGFEM_PATH(dgfemi_add_matrices),
+        DGFEM_FOUR(dgfemi_set_elastic),
+        DGFEM_FOUR(dgfemi_transform),
+        DGFEM_FOUR(dgfemi_add_vectors),
     };
     return &kernels;
 }
@@ -13081,6 +13689,7 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
 #undef DGFEM_CASE_4
 #undef DGFEM_SWITCH
 #undef DGFEM_PATH
+#undef DGFEM_FOUR
 #undef DGFEM_PATH_ID
 #undef DGFEM_VECTOR
 #undef DGFEM_V_LANES
@@ -13108,6 +13717,7 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
 #define DGFEM_V_LANES 2
 #endif
 #define DGFEM_PATH(name) name##_wasm
+#define DGFEM_FOUR(name) name##_wasm
 #define DGFEM_PATH_ID DGFEM_SIMD_WASM
 #define DGFEM_VECTOR v128_t
 #define DGFEM_VECTORS 2
@@ -13124,6 +13734,7 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
    is inserted for each instruction set, which panel.c describes by
 
        DGFEM_PATH(name)                       the name with the instruction set's suffix
+       DGFEM_FOUR(name)                       the same, or that of an earlier one whose vectors have no more than four lanes
        DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
        DGFEM_VECTORS, DGFEM_TILE              vectors in a strip, columns of a tile (even; divides a strip's rows)
        DGFEM_V_LOAD(p) _STORE(p, v) _ALL(x)   and _ADD(a, b), _SUB(a, b), _MUL(a, b)
@@ -13314,8 +13925,17 @@ static int DGFEM_PATH(dgfemi_factor_tile)(dgfem_real *x, int columns, int offset
 
 static int DGFEM_PATH(dgfemi_strips)(int rows) { return rows / DGFEM_STRIP + (rows % DGFEM_STRIP != 0); }
 
+/* Where strip `strip` of a lower triangle begins: it has all columns up to its own last row, the strips before it
+   likewise. */
+static size_t DGFEM_PATH(dgfemi_triangle_strip)(int strip) {
+    return (size_t)strip * ((size_t)strip + 1) / 2 * DGFEM_STRIP * DGFEM_STRIP;
+}
+
+/* D's last strip ends with the last column, as all those of B do. */
 static dgfem_real *DGFEM_PATH(dgfemi_strip)(const dgfemi_panel *p, int strip) {
-    return p->values + (size_t)strip * DGFEM_STRIP * (size_t)p->width;
+    int last = DGFEM_PATH(dgfemi_strips)(p->width) - 1;
+    if (strip <= last) return p->values + DGFEM_PATH(dgfemi_triangle_strip)(strip);
+    return p->values + DGFEM_PATH(dgfemi_triangle_strip)(last) + (size_t)(strip - last) * DGFEM_STRIP * (size_t)p->width;
 }
 
 /* Row `row` of D, or behind D's strips of B, from column `column` on: the second operand of a product. */
@@ -13394,11 +14014,6 @@ static void DGFEM_PATH(dgfemi_update_strips)(const dgfemi_panel *p, int first, i
         }
 }
 
-/* Where strip `strip` of an update begins: it has all columns up to its own last row, the strips before it likewise. */
-static size_t DGFEM_PATH(dgfemi_update_strip)(int strip) {
-    return (size_t)strip * ((size_t)strip + 1) / 2 * DGFEM_STRIP * DGFEM_STRIP;
-}
-
 /* U = -B B^T, lower half, the strips first <= i < last of it. What is above the diagonal stays undefined. */
 static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u, int first, int last) {
     int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), from, chunk, strip, j;
@@ -13414,7 +14029,7 @@ static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u,
                 for (j = chunk; j < end; j += DGFEM_TILE)
                     DGFEM_PATH(dgfemi_store_tile)(
                         a, DGFEM_PATH(dgfemi_panel_row)(p, pivot_strips * DGFEM_STRIP + j, from), count,
-                        u + DGFEM_PATH(dgfemi_update_strip)(strip) + (size_t)j * DGFEM_STRIP, from > 0,
+                        u + DGFEM_PATH(dgfemi_triangle_strip)(strip) + (size_t)j * DGFEM_STRIP, from > 0,
                         j > row ? (j - row) / DGFEM_V_LANES : 0, vectors, end - j);
             }
     }
@@ -13422,7 +14037,7 @@ static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u,
 
 /* ---- assembly ---- */
 
-/* Zeros strips of a panel, but for what no one reads above D's diagonal. */
+/* Zeros strips of a panel. */
 static void DGFEM_PATH(dgfemi_clear_panel)(const dgfemi_panel *p, int first, int last) {
     int strip;
     for (strip = first; strip < last; strip++)
@@ -13455,10 +14070,10 @@ static void DGFEM_PATH(dgfemi_add_update)(const dgfemi_extension *e, int first, 
     int pivot_strips = DGFEM_PATH(dgfemi_strips)(e->panel.width), width = e->panel.width, s, k, i;
     for (s = first; s < last; s++) {
         const dgfemi_run *rows = e->segments + s;
-        const dgfem_real *from = e->child + DGFEM_PATH(dgfemi_update_strip)(rows->row / DGFEM_STRIP);
+        const dgfem_real *from = e->child + DGFEM_PATH(dgfemi_triangle_strip)(rows->row / DGFEM_STRIP);
         int row = rows->front_row, shift = e->update ? width : 0;
         dgfem_real *to;
-        if (e->update) to = e->update + DGFEM_PATH(dgfemi_update_strip)((row - width) / DGFEM_STRIP);
+        if (e->update) to = e->update + DGFEM_PATH(dgfemi_triangle_strip)((row - width) / DGFEM_STRIP);
         else if (row < width) to = DGFEM_PATH(dgfemi_strip)(&e->panel, row / DGFEM_STRIP);
         else to = DGFEM_PATH(dgfemi_strip)(&e->panel, pivot_strips + (row - width) / DGFEM_STRIP);
         to += (row < width ? row : row - width) % DGFEM_STRIP;
@@ -13655,33 +14270,139 @@ static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int
 
 /* ---- 3x3 matrices ---- */
 
-/* out = a b for `rows` rows of a, with a constant number of columns. */
-DGFEM_INLINE void DGFEM_PATH(dgfemi_combine_rows)(const dgfem_real *a, int rows, int inner, const dgfem_real *b,
-                                                  dgfem_real *out) {
-    enum { VECTORS = (9 + DGFEM_V_LANES - 1) / DGFEM_V_LANES };
+#if DGFEM_V_LANES <= 4
+/* row += from: whole vectors, and then single numbers first <= k < last. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_add_row)(const dgfem_real *from, int vectors, int first, int last,
+                                             dgfem_real *row) {
     int k, v;
-    for (; rows > 0; rows--, a += inner, out += DGFEM_MATRIX_STRIDE) {
+    for (v = 0; v < vectors; v++)
+        DGFEM_V_STORE(row + v * DGFEM_V_LANES,
+                      DGFEM_V_ADD(DGFEM_V_LOAD(row + v * DGFEM_V_LANES), DGFEM_V_LOAD(from + v * DGFEM_V_LANES)));
+    for (k = first; k < last; k++) row[k] += from[k];
+}
+
+/* Three rows of which `count` numbers count; behind them come zeros, and `room` numbers are left in the block's rows. */
+static void DGFEM_PATH(dgfemi_add_rows_of)(const dgfem_real *from, int from_stride, int count, int room, dgfem_real *row,
+                                           int stride) {
+    int vectors = (count + DGFEM_V_LANES - 1) / DGFEM_V_LANES, most = room / DGFEM_V_LANES, p;
+    if (vectors > most) vectors = most;
+    for (p = 0; p < 3; p++, from += from_stride, row += stride)
+        DGFEM_PATH(dgfemi_add_row)(from, vectors, vectors * DGFEM_V_LANES, count, row);
+}
+
+/* k = lambda u v^T + mu v u^T + mu (u.v) I */
+static void DGFEM_PATH(dgfemi_set_elastic)(dgfem_real lambda, dgfem_real mu, const dgfem_real *u, const dgfem_real *v,
+                                           dgfem_real *k) {
+    static const dgfem_real unit[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
+    const DGFEM_VECTOR d = DGFEM_V_ALL(mu * (u[0] * v[0] + u[1] * v[1] + u[2] * v[2]));
+    int p, c;
+    DGFEM_UNROLL
+    for (p = 0; p < 3; p++) {
+        DGFEM_UNROLL
+        for (c = 0; c < 4; c += DGFEM_V_LANES) {
+            DGFEM_VECTOR row = DGFEM_V_MUL(DGFEM_V_LOAD(unit[p] + c), d);
+            row = DGFEM_V_FMA(DGFEM_V_LOAD(u + c), DGFEM_V_ALL(mu * v[p]), row);
+            DGFEM_V_STORE(k + 4 * p + c, DGFEM_V_FMA(DGFEM_V_LOAD(v + c), DGFEM_V_ALL(lambda * u[p]), row));
+        }
+    }
+}
+
+/* out[i] = k[i]^T v for `count` matrices */
+static void DGFEM_PATH(dgfemi_transform)(const dgfem_real *k, int count, const dgfem_real *v, dgfem_real *out) {
+    const DGFEM_VECTOR x = DGFEM_V_ALL(v[0]), y = DGFEM_V_ALL(v[1]), z = DGFEM_V_ALL(v[2]);
+    int i, c;
+    for (i = 0; i < count; i++, k += DGFEM_MATRIX_STRIDE, out += DGFEM_VECTOR_STRIDE)
+        for (c = 0; c < 4; c += DGFEM_V_LANES) {
+            DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(k + c), x);
+            sum = DGFEM_V_FMA(DGFEM_V_LOAD(k + 4 + c), y, sum);
+            DGFEM_V_STORE(out + c, DGFEM_V_FMA(DGFEM_V_LOAD(k + 8 + c), z, sum));
+        }
+}
+
+/* out += a sum of three vectors of b for each part, with the part's three factors. */
+static void DGFEM_PATH(dgfemi_add_vectors)(const dgfem_real **parts, int count, const dgfem_real *b, dgfem_real *out) {
+    enum { VECTORS = 4 / DGFEM_V_LANES };
+    dgfem_real vector[4];
+    DGFEM_VECTOR sum[3 * VECTORS];
+    int k, d, v;
+    DGFEM_UNROLL
+    for (v = 0; v < 3 * VECTORS; v++) sum[v] = DGFEM_V_ALL(0);
+    for (k = 0; k < count; k++, b += 3 * DGFEM_VECTOR_STRIDE) {
+        DGFEM_UNROLL
+        for (d = 0; d < 3; d++) {
+            DGFEM_VECTOR factor = DGFEM_V_ALL(parts[k][d]);
+            DGFEM_UNROLL
+            for (v = 0; v < VECTORS; v++)
+                sum[d * VECTORS + v] = DGFEM_V_FMA(DGFEM_V_LOAD(b + d * DGFEM_VECTOR_STRIDE + v * DGFEM_V_LANES),
+                                                   factor, sum[d * VECTORS + v]);
+        }
+    }
+    DGFEM_UNROLL
+    for (v = 0; v < VECTORS; v++)
+        DGFEM_V_STORE(vector + v * DGFEM_V_LANES,
+                      DGFEM_V_ADD(DGFEM_V_ADD(sum[v], sum[VECTORS + v]), sum[2 * VECTORS + v]));
+    for (d = 0; d < 3; d++) out[d] += vector[d];
+}
+#endif
+
+/* What row i of the sums adds to three rows of the block. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_make_rows)(const dgfem_real *a, int count, int inner, const DGFEM_VECTOR *b,
+                                               dgfem_real (*rows)[3 * DGFEM_MATRICES_IN_A_ROW + 4]) {
+    enum { VECTORS = (12 + DGFEM_V_LANES - 1) / DGFEM_V_LANES };
+    int j, k, v, p;
+    for (j = 0; j < count; j++, a += inner) {
+        dgfem_real matrix[VECTORS * DGFEM_V_LANES];
         DGFEM_VECTOR sum[VECTORS];
         DGFEM_UNROLL
-        for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_MUL(DGFEM_V_LOAD(b + v * DGFEM_V_LANES), DGFEM_V_ALL(a[0]));
+        for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_MUL(b[v], DGFEM_V_ALL(a[0]));
         DGFEM_UNROLL
         for (k = 1; k < inner; k++) {
             DGFEM_VECTOR factor = DGFEM_V_ALL(a[k]);
             DGFEM_UNROLL
-            for (v = 0; v < VECTORS; v++)
-                sum[v] = DGFEM_V_FMA(DGFEM_V_LOAD(b + k * DGFEM_MATRIX_STRIDE + v * DGFEM_V_LANES), factor, sum[v]);
+            for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_FMA(b[k * VECTORS + v], factor, sum[v]);
         }
         DGFEM_UNROLL
-        for (v = 0; v < VECTORS; v++) DGFEM_V_STORE(out + v * DGFEM_V_LANES, sum[v]);
+        for (v = 0; v < VECTORS; v++) DGFEM_V_STORE(matrix + v * DGFEM_V_LANES, sum[v]);
+        DGFEM_UNROLL
+        for (p = 0; p < 3; p++) /* the fourth number is overwritten by the next matrix */
+            memcpy(rows[p] + 3 * j, matrix + 4 * p, 4 * sizeof *matrix);
+    }
+    for (p = 0; p < 3; p++)
+        for (k = 0; k < 4; k++) rows[p][3 * count + k] = 0;
+}
+
+/* Several rows are made before they are added: what was stored in other pieces is slow to read back at once. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_add_sums)(const dgfemi_sums *sums, int inner) {
+    enum { VECTORS = (12 + DGFEM_V_LANES - 1) / DGFEM_V_LANES, TOGETHER = 4 };
+    DGFEM_VECTOR b[9 * VECTORS];
+    dgfem_real rows[3 * TOGETHER][3 * DGFEM_MATRICES_IN_A_ROW + 4];
+    const dgfem_real *a = sums->a;
+    int first, last, i, k, v;
+    DGFEM_UNROLL
+    for (k = 0; k < inner; k++) {
+        const dgfem_real *from = k < 2 ? sums->b[0] : k < 5 ? sums->b[1] : sums->b[2];
+        DGFEM_UNROLL
+        for (v = 0; v < VECTORS; v++)
+            b[k * VECTORS + v] = DGFEM_V_LOAD(from + (k < 2 ? k : k < 5 ? k - 2 : k - 5) * DGFEM_MATRIX_STRIDE +
+                                              v * DGFEM_V_LANES);
+    }
+    for (first = 0; first < sums->rows; first = last) {
+        last = first + TOGETHER < sums->rows ? first + TOGETHER : sums->rows;
+        for (i = first; i < last; i++) {
+            DGFEM_PATH(dgfemi_make_rows)(a, sums->count ? sums->count : i + 1, inner, b, rows + 3 * (i - first));
+            a += sums->step + (i + 1) * sums->growth;
+        }
+        for (i = first; i < last; i++)
+            DGFEM_FOUR(dgfemi_add_rows_of)(rows[3 * (i - first)], 3 * DGFEM_MATRICES_IN_A_ROW + 4,
+                                           3 * (sums->count ? sums->count : i + 1), sums->room,
+                                           sums->out + 3 * i * sums->stride, sums->stride);
     }
 }
 
-/* out = a b: `rows` matrices of 3x3 as sums of `inner` (2, 8 or 9) ones, those of b, with the factors in a. A matrix takes
-   DGFEM_MATRIX_STRIDE reals; those after the ninth are not looked at. */
-static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out) {
-    if (inner == 2) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 2, b, out);
-    else if (inner == 8) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 8, b, out);
-    else DGFEM_PATH(dgfemi_combine_rows)(a, rows, 9, b, out);
+static void DGFEM_PATH(dgfemi_add_matrices)(const dgfemi_sums *sums) {
+    if (sums->inner == 2) DGFEM_PATH(dgfemi_add_sums)(sums, 2);
+    else if (sums->inner == 8) DGFEM_PATH(dgfemi_add_sums)(sums, 8);
+    else DGFEM_PATH(dgfemi_add_sums)(sums, 9);
 }
 
 static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
@@ -13699,7 +14420,10 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
         DGFEM_PATH(dgfemi_solve_panel),
         DGFEM_PATH(dgfemi_solve_panel_transposed),
         DGFEM_PATH(dgfemi_multiply_block),
-        DGFEM_PATH(dgfemi_combine),
+        DGFEM_PATH(dgfemi_add_matrices),
+        DGFEM_FOUR(dgfemi_set_elastic),
+        DGFEM_FOUR(dgfemi_transform),
+        DGFEM_FOUR(dgfemi_add_vectors),
     };
     return &kernels;
 }
@@ -13709,6 +14433,7 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
 #undef DGFEM_CASE_4
 #undef DGFEM_SWITCH
 #undef DGFEM_PATH
+#undef DGFEM_FOUR
 #undef DGFEM_PATH_ID
 #undef DGFEM_VECTOR
 #undef DGFEM_V_LANES
@@ -14641,7 +15366,8 @@ static dgfem_vec3 dgfemi_direction(int i) {
 }
 
 enum {
-    DGFEM_TRIALS = 4,         /* cuts along different directions that are narrowed, to take the best */
+    DGFEM_TRIALS = 4,         /* cuts along different directions that are narrowed, to take the best, */
+    DGFEM_TRIED_PARTS = 8,    /* in parts of this fraction of the graph or more: there separators are long */
     DGFEM_SMALLEST_PART = 48, /* vertices; smaller parts are left to minimum degree */
     DGFEM_KEY_BITS = 10       /* places along a direction are rounded to twice as many bits: ties survive round-off */
 };
@@ -14666,9 +15392,10 @@ typedef struct dgfemi_dissection {
     int *level;              /* distance from the separator; DGFEM_NONE outside the band */
     unsigned char *touches;  /* bit 0: the part passed, bit 1: the part ahead, both without the band */
     int *before, *after;     /* neighbours on the path through a vertex, or one of the following */
-    int *stack, *list;       /* [2 * count] states to go on from, all states that a search has reached */
+    int *next;               /* the neighbour to look at next */
+    int *stack, *list;       /* [2 * count] states to go on from, by depth or by breadth */
     int *from;               /* [2 * count] the state that each was reached from */
-    unsigned char *reached;  /* [2 * count] */
+    int *distance;           /* [2 * count] steps from the part passed; DGFEM_NONE: not to be reached */
     unsigned char *old_side;
 } dgfemi_dissection;
 
@@ -14681,6 +15408,7 @@ typedef struct dgfemi_cut {
 } dgfemi_cut;
 
 #define DGFEM_NO_CUT 1e300
+#define DGFEM_HOPELESS 1.2  /* a cut that costs so much more than the best is not narrowed */
 #define DGFEM_WORTH_IT 0.97 /* a later trial must be so much cheaper: the first cut suits the grid, if there is one */
 
 /* Weights of the separator and of what lies to its sides. The ratio cut weighs a small separator against even halves;
@@ -14851,7 +15579,7 @@ static void dgfemi_collect_band(dgfemi_dissection *d, int depth) {
     }
     for (at = 0; at < d->band_count; at++) {
         v = d->band[at];
-        d->touches[v] = d->reached[2 * v] = d->reached[2 * v + 1] = 0;
+        d->touches[v] = 0;
         d->before[v] = d->after[v] = DGFEM_NONE;
         d->old_side[v] = d->side[v];
         for (k = local->start[v]; k < local->start[v + 1]; k++) {
@@ -14867,37 +15595,81 @@ static void dgfemi_collect_band(dgfemi_dissection *d, int depth) {
     }
 }
 
-static void dgfemi_reach(dgfemi_dissection *d, int state, int from, int *stacked, int *listed) {
-    if (d->reached[state]) return;
-    d->reached[state] = 1;
-    d->from[state] = from;
-    d->stack[(*stacked)++] = d->list[(*listed)++] = state;
+/* 1 where a search begins: a path may come in from the part passed, and none does. */
+static int dgfemi_is_source(const dgfemi_dissection *d, int v) {
+    return (d->touches[v] & 1) && d->before[v] != DGFEM_PATH_ENDS;
 }
 
-/* A depth-first search for a path from a vertex that touches the part passed; it may push other paths aside. Returns
-   the exit that it leaves the band by, or DGFEM_NONE. What a vain search has reached stays marked: no later search can
-   find a way out from there either. */
-static int dgfemi_find_path(dgfemi_dissection *d, int source) {
+static void dgfemi_reach(dgfemi_dissection *d, int state, int distance, int *listed) {
+    if (d->distance[state] != DGFEM_NONE) return;
+    d->distance[state] = distance;
+    d->list[(*listed)++] = state;
+}
+
+/* Distances from the part passed of all states, as the paths allow steps, up to the nearest one that the band can be
+   left from. Returns its distance, or DGFEM_NONE where no path can be added. */
+static int dgfemi_measure_band(dgfemi_dissection *d) {
     const dgfemi_graph *local = &d->local;
-    int stacked = 0, listed = 0, end = DGFEM_NONE, k;
-    dgfemi_reach(d, 2 * source, DGFEM_NONE, &stacked, &listed);
-    while (stacked > 0 && end == DGFEM_NONE) {
-        int state = d->stack[--stacked], v = state / 2, taken = d->after[v] != DGFEM_NONE;
+    int listed = 0, at, k;
+    for (at = 0; at < d->band_count; at++) {
+        int v = d->band[at];
+        d->distance[2 * v] = d->distance[2 * v + 1] = DGFEM_NONE;
+        d->next[v] = local->start[v];
+        if (dgfemi_is_source(d, v)) dgfemi_reach(d, 2 * v, 0, &listed);
+    }
+    for (at = 0; at < listed; at++) {
+        int state = d->list[at], v = state / 2, taken = d->after[v] != DGFEM_NONE, distance = d->distance[state] + 1;
         if (state % 2 == 0) {
-            if (!taken) dgfemi_reach(d, state + 1, state, &stacked, &listed);
-            else if (d->before[v] >= 0) dgfemi_reach(d, 2 * d->before[v] + 1, state, &stacked, &listed);
+            if (!taken) dgfemi_reach(d, state + 1, distance, &listed);
+            else if (d->before[v] >= 0) dgfemi_reach(d, 2 * d->before[v] + 1, distance, &listed);
             continue;
         }
-        if (d->touches[v] & 2) end = state;
-        if (taken) dgfemi_reach(d, state - 1, state, &stacked, &listed);
+        if (d->touches[v] & 2) return d->distance[state];
+        if (taken) dgfemi_reach(d, state - 1, distance, &listed);
         for (k = local->start[v]; k < local->start[v + 1]; k++) {
             int u = local->neighbour[k];
-            if (d->level[u] != DGFEM_NONE) dgfemi_reach(d, 2 * u, state, &stacked, &listed);
+            if (d->level[u] != DGFEM_NONE) dgfemi_reach(d, 2 * u, distance, &listed);
         }
     }
-    if (end != DGFEM_NONE)
-        while (listed > 0) d->reached[d->list[--listed]] = 0;
-    return end;
+    return DGFEM_NONE;
+}
+
+/* The next state that a search goes on to from this one: one step farther, not visited since the distances were
+   measured. DGFEM_NONE where there is none. */
+static int dgfemi_step_on(dgfemi_dissection *d, int state) {
+    const dgfemi_graph *local = &d->local;
+    int v = state / 2, taken = d->after[v] != DGFEM_NONE, distance = -2 - d->distance[state] + 1;
+    if (state % 2 == 0) {
+        int only = !taken ? state + 1 : d->before[v] >= 0 ? 2 * d->before[v] + 1 : DGFEM_NONE;
+        return only != DGFEM_NONE && d->distance[only] == distance ? only : DGFEM_NONE;
+    }
+    if (taken && d->distance[state - 1] == distance) return state - 1;
+    while (d->next[v] < local->start[v + 1]) {
+        int u = local->neighbour[d->next[v]++];
+        if (d->level[u] != DGFEM_NONE && d->distance[2 * u] == distance) return 2 * u;
+    }
+    return DGFEM_NONE;
+}
+
+/* A path from a vertex that touches the part passed, by steps that lead away from there; it may push other paths
+   aside. Returns the exit that it leaves the band by, at distance `end`, or DGFEM_NONE. No state is on two paths, so
+   what has been visited is no way for later searches: its distance d becomes -2 - d. */
+static int dgfemi_find_path(dgfemi_dissection *d, int source, int end) {
+    int stacked = 0, state = 2 * source, from = DGFEM_NONE;
+    if (d->distance[state] != 0) return DGFEM_NONE;
+    for (;;) {
+        if (state != DGFEM_NONE) {
+            int distance = d->distance[state];
+            d->from[state] = from;
+            d->distance[state] = -2 - distance;
+            if (state % 2 == 1 && distance == end && (d->touches[state / 2] & 2)) return state;
+            d->stack[stacked++] = state;
+        } else if (--stacked == 0) {
+            return DGFEM_NONE;
+        }
+        from = d->stack[stacked - 1];
+        state = dgfemi_step_on(d, from);
+    }
 }
 
 /* Takes the path found into the set: first unlinks the steps that it goes against, then links its own. */
@@ -14918,18 +15690,19 @@ static void dgfemi_take_path(dgfemi_dissection *d, int last) {
    here, by their weights in the cost. */
 static int dgfemi_narrow_separator(dgfemi_dissection *d, int depth, double *cost) {
     double weight[3] = {0, 0, 0}, new_cost;
-    int i;
+    int i, end;
     dgfemi_collect_band(d, depth);
-    for (i = 0; i < d->band_count; i++) {
-        int source = d->band[i], path = DGFEM_NONE;
-        if (d->touches[source] & 1) path = dgfemi_find_path(d, source);
-        if (path != DGFEM_NONE) dgfemi_take_path(d, path);
-    }
+    while ((end = dgfemi_measure_band(d)) != DGFEM_NONE)
+        for (i = 0; i < d->band_count; i++) {
+            int source = d->band[i], path = DGFEM_NONE;
+            if (dgfemi_is_source(d, source)) path = dgfemi_find_path(d, source, end);
+            if (path != DGFEM_NONE) dgfemi_take_path(d, path);
+        }
     for (i = 0; i < d->band_count; i++) {
         int v = d->band[i];
         d->side[v] = DGFEM_SIDE_AHEAD;
-        if (d->reached[2 * v] || (d->touches[v] & 1))
-            d->side[v] = d->reached[2 * v + 1] ? DGFEM_SIDE_PASSED : DGFEM_SIDE_SEPARATOR;
+        if (d->distance[2 * v] != DGFEM_NONE || (d->touches[v] & 1))
+            d->side[v] = d->distance[2 * v + 1] != DGFEM_NONE ? DGFEM_SIDE_PASSED : DGFEM_SIDE_SEPARATOR;
     }
     for (i = 0; i < d->local.count; i++) weight[d->side[i]] += d->local.weight[i];
     new_cost = dgfemi_cut_cost(weight[DGFEM_SIDE_SEPARATOR], weight[DGFEM_SIDE_PASSED], weight[DGFEM_SIDE_AHEAD]);
@@ -14944,7 +15717,7 @@ static int dgfemi_narrow_separator(dgfemi_dissection *d, int depth, double *cost
 /* ---- the recursion ---- */
 
 static int dgfemi_dissection_allocate(dgfemi_dissection *d, dgfemi_arena *arena) {
-    int **arrays[DGFEM_DIRECTIONS + 18];
+    int **arrays[DGFEM_DIRECTIONS + 20];
     size_t n = (size_t)d->graph->count;
     int count = 0, i;
     for (i = 0; i < DGFEM_DIRECTIONS; i++) arrays[count++] = &d->sorted[i];
@@ -14952,10 +15725,11 @@ static int dgfemi_dissection_allocate(dgfemi_dissection *d, dgfemi_arena *arena)
     arrays[count++] = &d->part, arrays[count++] = &d->number, arrays[count++] = &d->rank;
     arrays[count++] = &d->local.start, arrays[count++] = &d->local.weight;
     arrays[count++] = &d->scratch, arrays[count++] = &d->band, arrays[count++] = &d->level;
-    arrays[count++] = &d->before, arrays[count++] = &d->after;
-    arrays[count++] = &d->stack, arrays[count++] = &d->list, arrays[count++] = &d->from; /* twice as long */
+    arrays[count++] = &d->before, arrays[count++] = &d->after, arrays[count++] = &d->next;
+    arrays[count++] = &d->stack, arrays[count++] = &d->list, arrays[count++] = &d->from; /* these are twice as long */
+    arrays[count++] = &d->distance;
     for (i = 0; i < count; i++) {
-        *arrays[i] = (int *)dgfemi_arena_allocate(arena, i < count - 3 ? n + 2 : 2 * n, sizeof(int));
+        *arrays[i] = (int *)dgfemi_arena_allocate(arena, i < count - 4 ? n + 2 : 2 * n, sizeof(int));
         if (!*arrays[i]) return 0;
     }
     memset(d->part, 0, n * sizeof(int));
@@ -14964,8 +15738,7 @@ static int dgfemi_dissection_allocate(dgfemi_dissection *d, dgfemi_arena *arena)
     d->best_side = (unsigned char *)dgfemi_arena_allocate(arena, n, 1);
     d->old_side = (unsigned char *)dgfemi_arena_allocate(arena, n, 1);
     d->touches = (unsigned char *)dgfemi_arena_allocate(arena, n, 1);
-    d->reached = (unsigned char *)dgfemi_arena_allocate(arena, 2 * n, 1);
-    return d->local.neighbour && d->side && d->best_side && d->old_side && d->touches && d->reached;
+    return d->local.neighbour && d->side && d->best_side && d->old_side && d->touches;
 }
 
 /* Lists the vertices along all directions. 0 when out of memory. */
@@ -14995,18 +15768,18 @@ static void dgfemi_split_list(dgfemi_dissection *d, int *list, int count, const 
 static double dgfemi_find_separator(dgfemi_dissection *d, int first, double total) {
     dgfemi_cut cuts[DGFEM_DIRECTIONS];
     double best_cost = DGFEM_NO_CUT;
-    int trial, i;
+    int trials = d->local.count >= d->graph->count / DGFEM_TRIED_PARTS ? DGFEM_TRIALS : 1, trial, i;
     for (i = 0; i < DGFEM_DIRECTIONS; i++) {
         cuts[i].cost = DGFEM_NO_CUT;
         dgfemi_sweep(d, i, first, total, &cuts[i]);
     }
-    for (trial = 0; trial < DGFEM_TRIALS; trial++) {
+    for (trial = 0; trial < trials; trial++) {
         dgfemi_cut *best = &cuts[0];
         double cost;
         for (i = 1; i < DGFEM_DIRECTIONS; i++)
             if (cuts[i].cost < best->cost * (1 - 1e-12)) best = &cuts[i];
         cost = best->cost;
-        if (!(cost < DGFEM_NO_CUT)) break;
+        if (!(cost < DGFEM_NO_CUT) || cost > best_cost * DGFEM_HOPELESS) break;
         dgfemi_apply_cut(d, first, best);
         best->cost = DGFEM_NO_CUT;
         for (i = 0; i < 4; i++) /* twice in a band that follows the cut closely, then twice in a wider one */
@@ -15657,17 +16430,32 @@ static int dgfemi_make_tasks(dgfem_cholesky *c) {
     return 1;
 }
 
+/* Reals of `rows` rows of a lower triangle in strips, the last of which ends with the last column. */
+static size_t dgfemi_triangle_size(int rows, int strip) {
+    size_t whole = rows > 0 ? (size_t)((rows - 1) / strip) : 0, size = (size_t)strip;
+    size_t before = whole % 2 ? dgfemi_add_product(0, whole * size, (whole + 1) / 2 * size)
+                              : dgfemi_add_product(0, whole / 2 * size, (whole + 1) * size);
+    return dgfemi_add_product(before, size, (size_t)rows);
+}
+
+/* A panel's reals. */
+static size_t dgfemi_panel_size(const dgfem_cholesky *c, const dgfemi_supernode *super) {
+    int strip = c->kernels->strip;
+    return dgfemi_add_product(dgfemi_triangle_size(super->width, strip), (size_t)super->width,
+                              (size_t)dgfemi_whole_strips(super->height, strip) * (size_t)strip);
+}
+
+/* Tiles may write beyond the last column, up to the end of the strip's own rows. */
 static size_t dgfemi_update_size(const dgfem_cholesky *c, const dgfemi_supernode *super) {
-    size_t strip = (size_t)c->kernels->strip, strips = (size_t)dgfemi_whole_strips(super->height, c->kernels->strip);
-    return strips % 2 ? dgfemi_add_product(0, strips * strip, (strips + 1) / 2 * strip)
-                      : dgfemi_add_product(0, strips / 2 * strip, (strips + 1) * strip);
+    int strip = c->kernels->strip;
+    return dgfemi_triangle_size(dgfemi_whole_strips(super->height, strip) * strip, strip);
 }
 
 /* Places the updates that the supernodes of one task (or those above all tasks) pass to each other on two stacks, for
-   even and odd depths: a front writes its own to one while those of its children are still on the other, and then
-   drops them from the top. Returns where the memory after them begins. */
+   even and odd depths, that grow towards each other: a front writes its own to one while those of its children are still
+   on the other, and then drops them from the top. Returns where the memory after them begins. */
 static size_t dgfemi_place_updates(dgfem_cholesky *c, int first, int last, int task, const int *odd, size_t used) {
-    size_t top[2] = {0, 0}, peak[2] = {0, 0};
+    size_t top[2] = {0, 0}, most = 0;
     int s, t;
     for (s = first; s < last; s++) {
         dgfemi_supernode *super = c->supernodes + s;
@@ -15678,17 +16466,18 @@ static size_t dgfemi_place_updates(dgfem_cholesky *c, int first, int last, int t
         if (super->parent != DGFEM_NONE && c->supernodes[super->parent].task == task) {
             super->update = top[own];
             top[own] = dgfemi_add_product(top[own], dgfemi_update_size(c, super), 1);
-            if (top[own] > peak[own]) peak[own] = top[own];
+            if (dgfemi_add_product(top[0], top[1], 1) > most) most = dgfemi_add_product(top[0], top[1], 1);
         }
         if (t != DGFEM_NONE) top[!own] = c->supernodes[t].update; /* of the first child of the same kind */
     }
+    used = dgfemi_add_product(used, most, 1);
     for (s = first; s < last; s++) {
         dgfemi_supernode *super = c->supernodes + s;
         if (super->task != task || super->parent == DGFEM_NONE || c->supernodes[super->parent].task != task) continue;
-        super->update = dgfemi_add_product(super->update, 1, used);
-        if (odd[s]) super->update = dgfemi_add_product(super->update, 1, peak[0]);
+        if (odd[s]) super->update = used - super->update - dgfemi_update_size(c, super);
+        else super->update = used - most + super->update;
     }
-    return dgfemi_add_product(dgfemi_add_product(used, peak[0], 1), peak[1], 1);
+    return used;
 }
 
 /* Places all updates. Returns the room they need. */
@@ -15733,7 +16522,7 @@ static int dgfemi_plan_memory(dgfem_cholesky *c, const dgfemi_analysis *a) {
         dgfemi_supernode *super = c->supernodes + s;
         int d = dgfemi_whole_strips(super->width, strip), b = dgfemi_whole_strips(super->height, strip);
         super->values = values;
-        values = dgfemi_add_product(values, (size_t)super->width, (size_t)(d + b) * (size_t)strip);
+        values = dgfemi_add_product(values, dgfemi_panel_size(c, super), 1);
         if (d > own) own = d;
         if (b > below) below = b;
         if (dgfemi_is_for_blas(super) && (size_t)super->width * (size_t)super->height > packed)
@@ -16003,11 +16792,16 @@ static int dgfemi_factor_panel(dgfemi_front *f) {
 }
 
 #ifdef DGFEM_USE_BLAS
+static const dgfem_real *dgfemi_strip_of_b(const dgfemi_front *f, int strip) {
+    size_t rows = (size_t)f->c->kernels->strip, width = (size_t)f->panel.width;
+    return f->panel.values + dgfemi_triangle_size(f->panel.width, f->c->kernels->strip) + (size_t)strip * rows * width;
+}
+
 /* B in columns, as BLAS wants one operand of B B^T; strips will do for the other, and for the result. */
 static void dgfemi_pack_for_blas(dgfemi_front *f) {
     int strip = f->c->kernels->strip, width = f->panel.width, height = f->panel.height, s, k;
     for (s = 0; s < f->strips; s++) {
-        const dgfem_real *from = f->panel.values + (size_t)(f->pivot_strips + s) * (size_t)strip * (size_t)width;
+        const dgfem_real *from = dgfemi_strip_of_b(f, s);
         int rows = height - s * strip < strip ? height - s * strip : strip;
         for (k = 0; k < width; k++, from += strip)
             memcpy(f->c->packed + (size_t)k * (size_t)height + (size_t)s * (size_t)strip, from,
@@ -16019,7 +16813,7 @@ static void dgfemi_pack_for_blas(dgfemi_front *f) {
 static void dgfemi_make_update_by_blas(const dgfemi_front *f, int first, int last) {
     int strip = f->c->kernels->strip, width = f->panel.width, height = f->panel.height, s;
     for (s = first; s < last; s++) {
-        const dgfem_real *a = f->panel.values + (size_t)(f->pivot_strips + s) * (size_t)strip * (size_t)width;
+        const dgfem_real *a = dgfemi_strip_of_b(f, s);
         dgfem_real *u = f->update + (size_t)s * ((size_t)s + 1) / 2 * (size_t)strip * (size_t)strip;
         int columns = (s + 1) * strip < height ? (s + 1) * strip : height;
 #if DGFEM_REAL_IS_FLOAT
@@ -19095,12 +19889,11 @@ static dgfem_mat3 dgfemi_penalty_block(dgfem_real s, dgfem_real a, dgfem_real b,
     return p;
 }
 
-static void dgfemi_warp_face_penalty(const dgfem_body *body, dgfemi_warped_face *face) {
+/* Of the stiffer side. */
+static void dgfemi_warp_face_penalty(const dgfem_body *body, const dgfem_real *lambdas, const dgfem_real *mus,
+                                     dgfemi_warped_face *face) {
     const dgfemi_face_form *form = face->form;
-    int b = form->element[1] == DGFEM_NONE ? form->element[0] : form->element[1];
-    const dgfem_material *ma = &body->material[form->element[0]], *mb = &body->material[b];
-    dgfem_real mu = dgfemi_max(dgfemi_mu(ma), dgfemi_mu(mb));
-    dgfem_real lambda = dgfemi_max(dgfemi_lambda(ma), dgfemi_lambda(mb));
+    dgfem_real mu = dgfemi_max(mus[0], mus[1]), lambda = dgfemi_max(lambdas[0], lambdas[1]);
     dgfem_mat3 n;
     memset(&n, 0, sizeof n);
     dgfemi_add_outer(&n, DGFEM_R(0.5), face->normal[0], face->normal[0]);
@@ -19120,6 +19913,7 @@ static void dgfemi_warp_face(const dgfem_body *body, const dgfemi_face_form *for
                              dgfemi_warped_face *face) {
     const dgfem_forms *forms = body->forms;
     dgfem_vec3 n = body->mesh->faces[form->face].normal;
+    dgfem_real lambda[2], mu[2];
     face->form = form;
     face->held = n;
     face->sides = form->count[0] + form->count[1];
@@ -19130,11 +19924,12 @@ static void dgfemi_warp_face(const dgfem_body *body, const dgfemi_face_form *for
         const dgfem_mat3 *r = &rotation[element];
         const dgfem_material *m = &body->material[element];
         face->normal[s] = dgfemi_multiply(r, n);
-        face->lambda[s] = -form->weight * dgfemi_lambda(m);
-        face->mu[s] = -form->weight * dgfemi_mu(m);
+        lambda[s] = dgfemi_lambda(m), mu[s] = dgfemi_mu(m);
+        face->lambda[s] = -form->weight * lambda[s];
+        face->mu[s] = -form->weight * mu[s];
         face->rotation[s] = r;
     }
-    dgfemi_warp_face_penalty(body, face);
+    dgfemi_warp_face_penalty(body, lambda, mu, face);
 }
 
 /* The integrals of functions i >= j, counting those of both sides. */
@@ -19143,32 +19938,20 @@ static const dgfem_real *dgfemi_face_pair(const dgfemi_warped_face *face, int i,
 }
 
 /* q^s_ij: i counts the functions of both sides, j >= 1 those of side s. */
-static dgfem_vec3 dgfemi_face_integral(const dgfemi_warped_face *face, int s, int i, int j) {
+static const dgfem_real *dgfemi_face_integral(const dgfemi_warped_face *face, int s, int i, int j) {
     int k = s ? face->form->count[0] + j : j;
-    const dgfem_real *q = i >= k ? dgfemi_face_pair(face, i, k) + 2 : dgfemi_face_pair(face, k, i) + 5;
-    return dgfemi_vec3(q[0], q[1], q[2]);
+    return i >= k ? dgfemi_face_pair(face, i, k) + 2 : dgfemi_face_pair(face, k, i) + 5;
 }
 
 /* That rotated. */
 static dgfem_vec3 dgfemi_face_traction(const dgfemi_warped_face *face, int s, int i, int j) {
-    return dgfemi_multiply(face->rotation[s], dgfemi_face_integral(face, s, i, j));
+    const dgfem_real *q = dgfemi_face_integral(face, s, i, j);
+    return dgfemi_multiply(face->rotation[s], dgfemi_vec3(q[0], q[1], q[2]));
 }
 
 /* Row vector of K1'_ij where only the component along `held` is kept: K1'_ij = held w^T. */
 static dgfem_vec3 dgfemi_held_row(const dgfemi_warped_face *face, int s, dgfem_vec3 q) {
     return dgfemi_elastic_image(face->lambda[s], face->mu[s], q, face->normal[s], face->held);
-}
-
-/* k += K1'_ij, with q the traction vector of i and j */
-static void dgfemi_add_consistency(const dgfemi_warped_face *face, int s, dgfem_vec3 q, dgfem_mat3 *k) {
-    if (face->form->normal_only) dgfemi_add_outer(k, 1, face->held, dgfemi_held_row(face, s, q));
-    else dgfemi_add_elastic(face->lambda[s], face->mu[s], face->normal[s], q, k);
-}
-
-/* k += K1'_ij^T */
-static void dgfemi_add_adjoint(const dgfemi_warped_face *face, int s, dgfem_vec3 q, dgfem_mat3 *k) {
-    if (face->form->normal_only) dgfemi_add_outer(k, 1, dgfemi_held_row(face, s, q), face->held);
-    else dgfemi_add_elastic(face->lambda[s], face->mu[s], q, face->normal[s], k);
 }
 
 /* K1'_ij v */
@@ -19203,138 +19986,176 @@ DGFEM_INLINE void dgfemi_add_block(dgfem_real *out, int columns, const dgfem_rea
     for (int p = 0; p < 3; p++, out += columns, k += 3) out[0] += k[0], out[1] += k[1], out[2] += k[2];
 }
 
-/* out += k^T */
-DGFEM_INLINE void dgfemi_add_block_transposed(dgfem_real *out, int columns, const dgfem_real *k) {
-    for (int p = 0; p < 3; p++, out += columns, k++) out[0] += k[0], out[1] += k[3], out[2] += k[6];
+/* One assembly. It goes through the matrix row by row, so that what it adds to is in cache: a face comes with the row of
+   its later element. Of several threads each has its chunks of rows; then a face between two chunks is computed for both
+   of them, for the earlier one after all others. So every block and every force receives its parts in the same order,
+   whatever the chunks. */
+typedef struct dgfemi_assembly {
+    const dgfem_body *body;
+    const dgfem_mat3 *rotation;
+    dgfem_real scale, factor;
+    dgfem_matrix *matrix;
+    dgfem_vec3 *f0; /* or NULL */
+    const dgfemi_kernels *kernels;
+    int late[DGFEM_MOST_CHUNKS]; /* the first face between each chunk and a later one, or DGFEM_NONE */
+} dgfemi_assembly;
+
+/* The matrices that the integrals of a pair of functions belong to: those of the penalty; of the tractions of each side,
+   for the columns of a pair; their transposes, for its rows. And what the tractions make of (R - I) X0_j: a vector for
+   each j and entry. */
+typedef struct dgfemi_face_terms {
+    dgfem_real penalty[2 * DGFEM_MATRIX_STRIDE];
+    dgfem_real traction[2][3 * DGFEM_MATRIX_STRIDE], adjoint[2][3 * DGFEM_MATRIX_STRIDE];
+    dgfem_real rest[2 * 9 * DGFEM_VECTOR_STRIDE];
+} dgfemi_face_terms;
+
+/* The same of an element, for each entry of G. */
+typedef struct dgfemi_element_terms {
+    dgfem_real entry[9 * DGFEM_MATRIX_STRIDE];
+    dgfem_real rest[27 * DGFEM_VECTOR_STRIDE];
+} dgfemi_element_terms;
+
+static void dgfemi_set_four(dgfem_vec3 v, dgfem_real *four) {
+    four[0] = v.x, four[1] = v.y, four[2] = v.z, four[3] = 0;
+}
+
+/* k = held w^T, and its transpose, where only the component along `held` is kept. */
+static void dgfemi_set_held(const dgfemi_warped_face *face, int s, dgfem_vec3 q, dgfem_real *k,
+                            dgfem_real *transposed) {
+    dgfem_vec3 row = dgfemi_held_row(face, s, q);
+    for (int p = 0; p < 9; p++)
+        transposed[4 * (p % 3) + p / 3] = k[4 * (p / 3) + p % 3] =
+            dgfemi_axis(face->held, p / 3) * dgfemi_axis(row, p % 3);
+}
+
+/* Of the tractions of side s. */
+static void dgfemi_set_tractions(const dgfemi_assembly *a, const dgfemi_warped_face *face, int s,
+                                 dgfemi_face_terms *terms) {
+    dgfem_real normal[4], q[3][4], lambda = face->lambda[s], mu = face->mu[s];
+    dgfem_vec3 change[3];
+    dgfemi_set_four(face->normal[s], normal);
+    for (int d = 0; d < 3; d++)
+        dgfemi_set_four(dgfemi_scale(a->scale, dgfemi_column(face->rotation[s], d)), q[d]);
+    for (int d = 0; d < 3; d++) {
+        dgfem_real *k = terms->traction[s] + d * DGFEM_MATRIX_STRIDE;
+        dgfem_real *transposed = terms->adjoint[s] + d * DGFEM_MATRIX_STRIDE;
+        if (face->form->normal_only) {
+            dgfemi_set_held(face, s, dgfemi_vec3(q[d][0], q[d][1], q[d][2]), k, transposed);
+        } else {
+            a->kernels->set_elastic(lambda, mu, normal, q[d], k);
+            a->kernels->set_elastic(lambda, mu, q[d], normal, transposed);
+        }
+    }
+    if (!a->f0 || !a->body->desc.warp) return;
+    dgfemi_rotated_rest(face->rotation[s], a->body->scale[face->form->element[s]] / a->scale, change);
+    for (int j = 0; j < 3; j++)
+        a->kernels->transform(terms->adjoint[s], 3, &change[j].x, terms->rest + (9 * s + 3 * j) * DGFEM_VECTOR_STRIDE);
+}
+
+static void dgfemi_set_terms(const dgfemi_assembly *a, const dgfemi_warped_face *face, dgfemi_face_terms *terms) {
+    for (int p = 0; p < 3; p++)
+        for (int q = 0; q < 3; q++) {
+            terms->penalty[4 * p + q] = a->scale * face->penalty_stiff.m[p][q];
+            terms->penalty[DGFEM_MATRIX_STRIDE + 4 * p + q] = a->scale * face->penalty_rest.m[p][q];
+        }
+    for (int s = 0; s < 2; s++)
+        if (dgfemi_form_has_traction(face->form, s)) dgfemi_set_tractions(a, face, s, terms);
+}
+
+static dgfem_real *dgfemi_diagonal_block(const dgfem_matrix *matrix, int row) {
+    return matrix->values + matrix->value_start[dgfemi_diagonal_index(matrix, row)];
 }
 
 /* The lower triangle of K_w of an element: with r_c the columns of R, the entry G_cd belongs to
-   lambda r_c r_d^T + mu r_d r_c^T + mu (r_c.r_d) I. */
-static void dgfemi_assemble_element(const dgfem_body *body, int element, const dgfem_mat3 *r, dgfem_real s,
-                                    const dgfemi_kernels *kernels, dgfem_matrix *matrix) {
+   lambda r_c r_d^T + mu r_d r_c^T + mu (r_c.r_d) I. And f0. */
+static void dgfemi_assemble_element(const dgfemi_assembly *a, int element, dgfemi_element_terms *terms) {
+    const dgfem_body *body = a->body;
     const dgfemi_element_form *form = &body->forms->elements[element];
-    const dgfem_real *g = dgfemi_form_stiffness(body->forms, element);
+    const dgfem_real *g = dgfemi_form_stiffness(body->forms, element), *parts[9];
     const dgfem_material *m = &body->material[element];
-    dgfem_real lambda = s * dgfemi_lambda(m), mu = s * dgfemi_mu(m);
-    dgfem_real terms[9 * DGFEM_MATRIX_STRIDE] = {0}, k[DGFEM_MAX_BASIS * DGFEM_MATRIX_STRIDE];
-    dgfem_real *out = dgfem_matrix_block(matrix, element, element);
-    int columns = 3 * form->count;
-    for (int c = 0; c < 9; c++) {
-        dgfem_mat3 term;
-        memset(&term, 0, sizeof term);
-        dgfemi_add_elastic(lambda, mu, dgfemi_column(r, c / 3), dgfemi_column(r, c % 3), &term);
-        memcpy(terms + c * DGFEM_MATRIX_STRIDE, &term, sizeof term);
-    }
-    for (int i = 1; i < form->count; i++, g += 9 * (form->count - 1)) {
-        kernels->combine(g, i, 9, terms, k);
-        for (int j = 1; j <= i; j++)
-            dgfemi_add_block(out + 3 * (i * columns + j), columns, k + (j - 1) * DGFEM_MATRIX_STRIDE);
+    dgfem_real lambda = a->scale * dgfemi_lambda(m), mu = a->scale * dgfemi_mu(m), r[3][4];
+    dgfem_vec3 change[3], *f0 = a->f0 && body->desc.warp ? a->f0 + body->basis_start[element] : NULL;
+    dgfemi_sums sums;
+    int n = 3 * form->count;
+    for (int c = 0; c < 3; c++) dgfemi_set_four(dgfemi_column(&a->rotation[element], c), r[c]);
+    for (int c = 0; c < 9; c++)
+        a->kernels->set_elastic(lambda, mu, r[c / 3], r[c % 3], terms->entry + c * DGFEM_MATRIX_STRIDE);
+    memset(&sums, 0, sizeof sums);
+    sums.a = g, sums.b[0] = terms->entry, sums.b[1] = terms->entry + 2 * DGFEM_MATRIX_STRIDE;
+    sums.b[2] = terms->entry + 5 * DGFEM_MATRIX_STRIDE;
+    sums.inner = 9, sums.rows = form->count - 1, sums.step = 9 * (form->count - 1);
+    sums.out = dgfemi_diagonal_block(a->matrix, element) + 3 * n + 3, sums.stride = n, sums.room = n - 3;
+    a->kernels->add_matrices(&sums);
+    if (!f0) return;
+    dgfemi_rotated_rest(&a->rotation[element], body->scale[element] / a->scale, change);
+    for (int c = 0; c < 27; c++) /* the transpose of G_cd's matrix is that of G_dc */
+        a->kernels->transform(terms->entry + (c % 3 * 3 + c / 3 % 3) * DGFEM_MATRIX_STRIDE, 1, &change[c / 9].x,
+                              terms->rest + c * DGFEM_VECTOR_STRIDE);
+    for (int i = 1; i < form->count; i++, g += sums.step) {
+        for (int c = 0; c < 9; c++) parts[c] = g + 3 * c;
+        a->kernels->add_vectors(parts, 9, terms->rest, &f0[i].x);
     }
 }
 
 /* Diagonal blocks are summed in their lower triangles. */
-static void dgfemi_mirror_diagonal(dgfem_matrix *matrix) {
-    for (int r = 0; r < matrix->block_count; r++) {
-        int n = dgfemi_block_size(matrix, r);
-        dgfem_real *block = matrix->values + matrix->value_start[dgfemi_diagonal_index(matrix, r)];
-        for (int i = 0; i < n; i++)
-            for (int j = 0; j < i; j++) block[j * n + i] = block[i * n + j];
-    }
+static void dgfemi_mirror_diagonal(const dgfem_matrix *matrix, int row) {
+    dgfem_real *block = dgfemi_diagonal_block(matrix, row);
+    int n = dgfemi_block_size(matrix, row);
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < i; j++) block[j * n + i] = block[i * n + j];
 }
 
-/* f0 of an element, in its own frame until the end: R K R^T (R - I) X0 = R K (I - R^T) X0. */
-static void dgfemi_element_rest_force(const dgfem_body *body, int element, const dgfem_mat3 *r, dgfem_vec3 *f0) {
-    const dgfemi_element_form *form = &body->forms->elements[element];
-    const dgfem_real *g = dgfemi_form_stiffness(body->forms, element);
-    const dgfem_material *m = &body->material[element];
-    dgfem_real lambda = dgfemi_lambda(m), mu = dgfemi_mu(m);
-    dgfem_vec3 rest[3];
-    dgfemi_rotated_rest(r, body->scale[element], rest);
-    for (int j = 0; j < 3; j++) rest[j] = dgfemi_multiply_transposed(r, rest[j]);
-    f0 += body->basis_start[element];
-    for (int i = 1; i < form->count; i++, g += 9 * (form->count - 1)) {
-        dgfem_vec3 sum = dgfemi_vec3(0, 0, 0);
-        for (int j = 0; j < 3; j++) sum = dgfemi_add(sum, dgfemi_element_image(g + 9 * j, lambda, mu, rest[j]));
-        f0[i] = dgfemi_add(f0[i], dgfemi_multiply(r, sum));
-    }
+/* Rows of functions of side r, and columns of side s: 00, 10 or 11; of 00 and 11 the lower triangle. */
+static dgfemi_sums dgfemi_face_sums(const dgfemi_warped_face *face, int r, int s, const dgfemi_face_terms *terms,
+                                    dgfem_real *out) {
+    const dgfemi_face_form *form = face->form;
+    int first = r ? form->count[0] : 0, column = s ? form->count[0] : 0;
+    dgfemi_sums sums;
+    sums.a = dgfemi_face_pair(face, first, column);
+    sums.b[0] = terms->penalty, sums.b[1] = terms->traction[s], sums.b[2] = terms->adjoint[r];
+    sums.inner = face->terms, sums.rows = form->count[r], sums.count = r == s ? 0 : form->count[s];
+    sums.step = first * face->terms, sums.growth = face->terms;
+    sums.out = out, sums.stride = sums.room = 3 * form->count[s];
+    return sums;
 }
 
-/* The matrices that the integrals of a pair of functions belong to, in their order: for rows of side r and columns of
-   side s = 00, 10, 11. */
-typedef struct dgfemi_face_terms {
-    dgfem_real quadrant[3][8 * DGFEM_MATRIX_STRIDE];
-} dgfemi_face_terms;
-
-static void dgfemi_set_terms(const dgfemi_warped_face *face, dgfem_real scale, dgfemi_face_terms *terms) {
-    dgfem_mat3 penalty[2], traction[2][3], adjoint[2][3];
-    memset(traction, 0, sizeof traction);
-    memset(adjoint, 0, sizeof adjoint);
-    for (int p = 0; p < 9; p++) {
-        penalty[0].m[p / 3][p % 3] = scale * face->penalty_stiff.m[p / 3][p % 3];
-        penalty[1].m[p / 3][p % 3] = scale * face->penalty_rest.m[p / 3][p % 3];
-    }
-    for (int s = 0; s < 2; s++)
-        for (int d = 0; d < 3 && dgfemi_form_has_traction(face->form, s); d++) {
-            dgfem_vec3 q = dgfemi_scale(scale, dgfemi_column(face->rotation[s], d));
-            dgfemi_add_consistency(face, s, q, &traction[s][d]);
-            dgfemi_add_adjoint(face, s, q, &adjoint[s][d]);
-        }
-    for (int k = 0; k < 3; k++) {
-        dgfem_real *to = terms->quadrant[k];
-        int r = k > 0, s = k > 1;
-        for (int t = 0; t < 2; t++, to += DGFEM_MATRIX_STRIDE) memcpy(to, &penalty[t], sizeof penalty[t]);
-        for (int d = 0; d < 3; d++, to += DGFEM_MATRIX_STRIDE) memcpy(to, &traction[s][d], sizeof traction[s][d]);
-        for (int d = 0; d < 3; d++, to += DGFEM_MATRIX_STRIDE) memcpy(to, &adjoint[r][d], sizeof adjoint[r][d]);
-    }
-}
-
-/* The lower triangle of a diagonal block: the functions first <= i < first + count of the face's. */
-static void dgfemi_assemble_face_diagonal(const dgfemi_warped_face *face, int first, int count,
-                                          const dgfem_real *terms, const dgfemi_kernels *kernels, dgfem_real *out) {
-    dgfem_real k[DGFEM_MAX_BASIS * DGFEM_MATRIX_STRIDE];
-    for (int i = 0; i < count; i++) {
-        kernels->combine(dgfemi_face_pair(face, first + i, first), i + 1, face->terms, terms, k);
-        for (int j = 0; j <= i; j++)
-            dgfemi_add_block(out + 3 * (3 * i * count + j), 3 * count, k + j * DGFEM_MATRIX_STRIDE);
-    }
+static void dgfemi_assemble_face_diagonal(const dgfemi_assembly *a, const dgfemi_warped_face *face, int s,
+                                          const dgfemi_face_terms *terms) {
+    dgfem_real *out = dgfemi_diagonal_block(a->matrix, face->form->element[s]);
+    dgfemi_sums sums = dgfemi_face_sums(face, s, s, terms, out);
+    a->kernels->add_matrices(&sums);
 }
 
 /* The block that couples both sides: rows of side 1, or where its element comes first, of side 0. */
-static void dgfemi_assemble_face_coupling(const dgfemi_warped_face *face, const dgfem_real *terms,
-                                          const dgfemi_kernels *kernels, dgfem_matrix *matrix) {
+static void dgfemi_assemble_face_coupling(const dgfemi_assembly *a, const dgfemi_warped_face *face,
+                                          const dgfemi_face_terms *terms) {
     const dgfemi_face_form *form = face->form;
-    int a = form->element[0], b = form->element[1], n = form->count[0], m = form->count[1];
-    dgfem_real k[DGFEM_MAX_BASIS * DGFEM_MATRIX_STRIDE];
-    dgfem_real *out = b > a ? dgfem_matrix_block(matrix, b, a) : dgfem_matrix_block(matrix, a, b);
-    for (int i = 0; i < m; i++) {
-        kernels->combine(dgfemi_face_pair(face, n + i, 0), n, face->terms, terms, k);
-        for (int j = 0; j < n; j++) {
-            const dgfem_real *block = k + j * DGFEM_MATRIX_STRIDE;
-            if (b > a) dgfemi_add_block(out + 3 * (3 * i * n + j), 3 * n, block);
-            else dgfemi_add_block_transposed(out + 3 * (3 * j * m + i), 3 * m, block);
-        }
-    }
+    int below = form->element[1] > form->element[0], n = 3 * form->count[0], m = 3 * form->count[1];
+    dgfem_real *out = dgfem_matrix_block(a->matrix, form->element[below], form->element[!below]);
+    dgfem_real block[9 * DGFEM_MAX_BASIS * DGFEM_MAX_BASIS];
+    dgfemi_sums sums = dgfemi_face_sums(face, 1, 0, terms, below ? out : block);
+    if (!below) memset(block, 0, (size_t)(n * m) * sizeof *block);
+    a->kernels->add_matrices(&sums);
+    for (int j = 0; j < n && !below; j++)
+        for (int i = 0; i < m; i++) out[j * m + i] += block[i * n + j];
 }
 
-/* f0 of the consistency terms of side s, for the rows of both sides: linear in the entries of q_ij, j = 1, 2, 3, too. */
-static void dgfemi_face_rest_force(const dgfem_body *body, const dgfemi_warped_face *face, int s,
-                                   const dgfem_mat3 *rotation, dgfem_vec3 *f0) {
+/* f0 of the consistency terms of both sides, for the rows of side r: linear in the entries of q_ij, j = 1, 2, 3. */
+static void dgfemi_face_rest_force(const dgfemi_assembly *a, const dgfemi_warped_face *face, int r,
+                                   const dgfem_real *rest) {
     const dgfemi_face_form *form = face->form;
-    dgfem_vec3 rest[3], terms[9];
-    int element = form->element[s];
-    dgfemi_rotated_rest(&rotation[element], body->scale[element], rest);
-    for (int c = 0; c < 9; c++)
-        terms[c] = dgfemi_consistency_image(face, s, dgfemi_column(&rotation[element], c % 3), rest[c / 3]);
-    for (int r = 0; r < 2 && form->element[r] != DGFEM_NONE; r++) {
-        dgfem_vec3 *out = f0 + body->basis_start[form->element[r]];
-        for (int i = 0; i < form->count[r]; i++) {
-            for (int j = 0; j < 3; j++) {
-                dgfem_vec3 q = dgfemi_face_integral(face, s, r ? form->count[0] + i : i, j + 1);
-                out[i] = dgfemi_add_scaled(out[i], q.x, terms[3 * j]);
-                out[i] = dgfemi_add_scaled(out[i], q.y, terms[3 * j + 1]);
-                out[i] = dgfemi_add_scaled(out[i], q.z, terms[3 * j + 2]);
-            }
-        }
+    dgfem_vec3 *f0 = a->f0 + a->body->basis_start[form->element[r]];
+    const dgfem_real *columns[6], *parts[6];
+    int count = form->element[1] == DGFEM_NONE ? 3 : 6, first = r ? form->count[0] : 0, column[6];
+    for (int c = 0; c < count; c++) {
+        column[c] = c < 3 ? 1 + c : form->count[0] + c - 2;
+        columns[c] = dgfemi_face_pair(face, column[c], 0) + 5;
+    }
+    for (int i = 0; i < form->count[r]; i++) {
+        const dgfem_real *row = dgfemi_face_pair(face, first + i, 0) + 2;
+        for (int c = 0; c < count; c++)
+            parts[c] = first + i >= column[c] ? row + 8 * column[c] : columns[c] + 8 * (first + i);
+        a->kernels->add_vectors(parts, count, rest, &f0[i].x);
     }
 }
 
@@ -19354,50 +20175,133 @@ static void dgfemi_held_force(const dgfem_body *body, const dgfemi_warped_face *
     }
 }
 
+/* What a face adds to the rows of the elements first <= e < last. */
+static void dgfemi_assemble_face(const dgfemi_assembly *a, const dgfemi_face_form *form, int first, int last,
+                                 dgfemi_face_terms *terms) {
+    dgfemi_warped_face face;
+    int with_rest = a->f0 && a->body->desc.warp && form->consistent, row = form->element[0];
+    dgfemi_warp_face(a->body, form, a->rotation, &face);
+    dgfemi_set_terms(a, &face, terms);
+    for (int s = 0; s < 2; s++) {
+        int e = form->element[s];
+        if (e < first || e >= last) continue;
+        dgfemi_assemble_face_diagonal(a, &face, s, terms);
+        if (with_rest) dgfemi_face_rest_force(a, &face, s, terms->rest);
+    }
+    if (form->element[1] == DGFEM_NONE) {
+        if (a->f0) dgfemi_held_force(a->body, &face, a->factor, a->f0);
+        return;
+    }
+    if (form->element[1] > row) row = form->element[1];
+    if (row >= first && row < last) dgfemi_assemble_face_coupling(a, &face, terms);
+}
+
+static void dgfemi_clear_row(const dgfemi_assembly *a, int row) {
+    const size_t *start = a->matrix->value_start;
+    size_t first = start[a->matrix->row_start[row]], last = start[a->matrix->row_start[row + 1]];
+    int basis = a->body->basis_start[row];
+    memset(a->matrix->values + first, 0, (last - first) * sizeof(dgfem_real));
+    if (a->f0) memset(a->f0 + basis, 0, (size_t)(a->body->basis_start[row + 1] - basis) * sizeof *a->f0);
+}
+
+/* The rows of the elements first <= e < last. */
+static void dgfemi_assemble_rows(const dgfemi_assembly *a, int first, int last, int late) {
+    const dgfem_forms *forms = a->body->forms;
+    dgfemi_face_terms terms;
+    dgfemi_element_terms element;
+    memset(&terms, 0, sizeof terms);
+    memset(&element, 0, sizeof element);
+    for (int e = first; e < last; e++) {
+        dgfemi_clear_row(a, e);
+        dgfemi_assemble_element(a, e, &element);
+        for (int f = forms->elements[e].face; f != DGFEM_NONE; f = forms->faces[f].next[0])
+            dgfemi_assemble_face(a, &forms->faces[f], first, last, &terms);
+    }
+    for (int f = late; f != DGFEM_NONE; f = forms->faces[f].next[1])
+        dgfemi_assemble_face(a, &forms->faces[f], first, last, &terms);
+    for (int e = first; e < last; e++) dgfemi_mirror_diagonal(a->matrix, e);
+}
+
+static void dgfemi_assemble_chunks(void *context, int first, int last) {
+    const dgfemi_assembly *a = (const dgfemi_assembly *)context;
+    const int *row = a->matrix->sharing->row;
+    for (int c = first; c < last; c++) dgfemi_assemble_rows(a, row[c], row[c + 1], a->late[c]);
+}
+
+/* The faces of each element, ascending, without those of later ones. */
+static void dgfemi_list_faces(const dgfem_body *body) {
+    const dgfem_forms *forms = body->forms;
+    for (int e = 0; e < body->mesh->element_count; e++) forms->elements[e].face = DGFEM_NONE;
+    for (int f = forms->face_count - 1; f >= 0; f--) {
+        dgfemi_face_form *face = &forms->faces[f];
+        int row = face->element[1] > face->element[0] ? face->element[1] : face->element[0];
+        face->next[0] = forms->elements[row].face;
+        forms->elements[row].face = f;
+    }
+}
+
+/* Those between two chunks, for the earlier one, in the order of the rows that they come with. */
+static void dgfemi_list_late_faces(dgfemi_assembly *a) {
+    const dgfem_forms *forms = a->body->forms;
+    const int *row = a->matrix->sharing->row;
+    int *end[DGFEM_MOST_CHUNKS]; /* where the number of the next one goes */
+    for (int c = 0; c < a->matrix->sharing->chunk_count; c++) {
+        a->late[c] = DGFEM_NONE;
+        end[c] = &a->late[c];
+        for (int e = row[c]; e < row[c + 1]; e++)
+            for (int f = forms->elements[e].face; f != DGFEM_NONE; f = forms->faces[f].next[0]) {
+                dgfemi_face_form *face = &forms->faces[f];
+                int other = face->element[face->element[0] == e], earlier = c;
+                if (other == DGFEM_NONE || other >= row[c]) continue;
+                while (other < row[earlier]) earlier--;
+                face->next[1] = DGFEM_NONE;
+                *end[earlier] = f;
+                end[earlier] = &face->next[1];
+            }
+    }
+}
+
 /* matrix = scale * K_w; f0 (may be NULL) = warping's force plus `factor` times that of prescribed displacements. */
 static void dgfemi_assemble_stiffness(const dgfem_body *body, const dgfem_mat3 *rotation, dgfem_real scale,
                                       dgfem_real factor, dgfem_matrix *matrix, dgfem_vec3 *f0) {
-    const dgfem_forms *forms = body->forms;
-    const dgfemi_kernels *kernels = dgfemi_kernels_choose(DGFEM_SIMD_AUTO);
-    dgfemi_warped_face face;
-    dgfemi_face_terms terms;
-    memset(&terms, 0, sizeof terms);
-    dgfem_matrix_clear(matrix);
-    if (f0) memset(f0, 0, (size_t)body->basis_count * sizeof *f0);
-    for (int e = 0; e < body->mesh->element_count; e++) {
-        dgfemi_assemble_element(body, e, &rotation[e], scale, kernels, matrix);
-        if (f0 && body->desc.warp) dgfemi_element_rest_force(body, e, &rotation[e], f0);
+    dgfemi_assembly a;
+    memset(&a, 0, sizeof a);
+    a.body = body, a.rotation = rotation, a.scale = scale, a.factor = factor, a.matrix = matrix, a.f0 = f0;
+    a.kernels = dgfemi_kernels_choose(DGFEM_SIMD_AUTO);
+    dgfemi_list_faces(body);
+    if (!matrix->sharing) {
+        dgfemi_assemble_rows(&a, 0, matrix->block_count, DGFEM_NONE);
+        return;
     }
-    for (int f = 0; f < forms->face_count; f++) {
-        const dgfemi_face_form *form = &forms->faces[f];
-        int a = form->element[0], b = form->element[1], n = form->count[0];
-        dgfemi_warp_face(body, form, rotation, &face);
-        dgfemi_set_terms(&face, scale, &terms);
-        dgfemi_assemble_face_diagonal(&face, 0, n, terms.quadrant[0], kernels, dgfem_matrix_block(matrix, a, a));
-        if (b != DGFEM_NONE) {
-            dgfemi_assemble_face_coupling(&face, terms.quadrant[1], kernels, matrix);
-            dgfemi_assemble_face_diagonal(&face, n, form->count[1], terms.quadrant[2], kernels,
-                                          dgfem_matrix_block(matrix, b, b));
-        } else if (f0) {
-            dgfemi_held_force(body, &face, factor, f0);
-        }
-        for (int s = 0; s < 2 && f0 && body->desc.warp; s++)
-            if (dgfemi_form_has_traction(form, s)) dgfemi_face_rest_force(body, &face, s, rotation, f0);
-    }
-    dgfemi_mirror_diagonal(matrix);
+    dgfemi_list_late_faces(&a);
+    dgfemi_parallel_for(&matrix->hooks, matrix->sharing->chunk_count, 1, dgfemi_assemble_chunks, &a);
 }
 
-/* Adds s * (mass matrix) to the diagonal blocks. */
-static void dgfemi_assemble_mass(const dgfem_body *body, dgfem_real s, dgfem_matrix *matrix) {
-    for (int e = 0; e < body->mesh->element_count; e++) {
-        const dgfemi_element_form *form = &body->forms->elements[e];
+typedef struct dgfemi_mass_assembly {
+    const dgfem_body *body;
+    dgfem_real factor;
+} dgfemi_mass_assembly;
+
+static void dgfemi_assemble_mass_rows(void *context, const dgfem_matrix *matrix, int first, int last,
+                                      size_t diagonal) {
+    const dgfemi_mass_assembly *assembly = (const dgfemi_mass_assembly *)context;
+    const dgfem_body *body = assembly->body;
+    (void)diagonal;
+    for (int e = first; e < last; e++) {
         const dgfem_real *mass = dgfemi_form_mass(body->forms, e);
-        dgfem_real *out = dgfem_matrix_block(matrix, e, e), factor = s * body->material[e].density;
-        int n = form->count;
+        dgfem_real *out = dgfemi_diagonal_block(matrix, e), factor = assembly->factor * body->material[e].density;
+        int n = body->forms->elements[e].count;
         for (int i = 0; i < n; i++)
             for (int j = 0; j < n; j++)
                 for (int a = 0; a < 3; a++) out[(3 * i + a) * 3 * n + 3 * j + a] += factor * mass[i * n + j];
     }
+}
+
+/* Adds s * (mass matrix) to the diagonal blocks. */
+static void dgfemi_assemble_mass(const dgfem_body *body, dgfem_real s, dgfem_matrix *matrix) {
+    dgfemi_mass_assembly assembly;
+    assembly.body = body, assembly.factor = s;
+    dgfemi_for_rows(matrix, dgfemi_assemble_mass_rows, &assembly);
 }
 
 static double dgfemi_total_mass(const dgfem_body *body) {
@@ -19535,8 +20439,8 @@ static dgfem_real dgfemi_elastic_energy(const dgfem_body *body, const dgfem_mat3
    factorization, as after a cut, Gauss-Seidel sweeps are the preconditioner (ssor.c): they need ten times the
    iterations, but nothing is to be made for them.
 
-   The iteration starts from the velocity of now, moved along its change in the last step so far as lowers the error's
-   energy most. At the end the error that is left is made orthogonal to translations of each piece: what falls keeps its
+   The iteration starts from the velocity of now, moved along its changes in the last few steps so far as lowers the
+   error's energy most (Fischer 1998): they cost a product each, and an iteration with a factorization ten times that. At the end the error that is left is made orthogonal to translations of each piece: what falls keeps its
    momentum to round-off, however coarse the tolerance.
 
    When to factor again is a choice between rent and purchase: iterations with a factorization beyond the first of each
@@ -19545,6 +20449,8 @@ static dgfem_real dgfemi_elastic_energy(const dgfem_body *body, const dgfem_mat3
    bodies, and where elements snap through and no factorization lasts, is known from what the steps of either kind have
    cost on average; now and then the other kind is tried again. Work is counted in operations, not measured, so that runs
    repeat bit for bit. */
+
+enum { DGFEM_PAST = 2 }; /* with one more hardly any iteration is saved */
 
 struct dgfem_step_solver {
     int is_factored;        /* the body's factor is of the matrix of an earlier step */
@@ -19560,6 +20466,8 @@ struct dgfem_step_solver {
     char *in_patch;         /* [elements] 1 for those that touched something then or touch something now, */
     int *patch;             /* [elements] and their list, ascending */
     int patch_count;
+    dgfem_real *past[DGFEM_PAST]; /* [unknowns] changes of the velocity in steps before the last, the latest first */
+    int past_count;
     dgfem_real *vectors;    /* [DGFEMI_STEP_VECTORS * unknowns] */
     dgfem_real *inverse;    /* of the diagonal blocks */
     int *piece;             /* [elements] the piece each belongs to: elements connected by glue */
@@ -19569,7 +20477,7 @@ struct dgfem_step_solver {
 };
 
 /* Work vectors: residual, P^-1 residual, direction, A direction; the residual turned back to A0, or a sweep's other
-   half; 1 / (diagonal of A). */
+   half; 1 / (diagonal of A); directions of the start, and A times each. */
 enum {
     DGFEMI_STEP_R,
     DGFEMI_STEP_Z,
@@ -19577,7 +20485,9 @@ enum {
     DGFEMI_STEP_Q,
     DGFEMI_STEP_TURNED,
     DGFEMI_STEP_WEIGHT,
-    DGFEMI_STEP_VECTORS
+    DGFEMI_STEP_START,
+    DGFEMI_STEP_START_PRODUCT = DGFEMI_STEP_START + 1 + DGFEM_PAST,
+    DGFEMI_STEP_VECTORS = DGFEMI_STEP_START_PRODUCT + 1 + DGFEM_PAST
 };
 
 /* Dense kernels of a factorization are so much faster than the products of a sweep, and solves, which wait for memory,
@@ -19602,6 +20512,7 @@ static void dgfemi_step_solver_destroy(dgfem_step_solver *solver, const dgfem_ho
     dgfemi_free(hooks, solver->touched);
     dgfemi_free(hooks, solver->in_patch);
     dgfemi_free(hooks, solver->patch);
+    for (int k = 0; k < DGFEM_PAST; k++) dgfemi_free(hooks, solver->past[k]);
     dgfemi_free(hooks, solver->vectors);
     dgfemi_free(hooks, solver->inverse);
     dgfemi_free(hooks, solver->piece);
@@ -19639,10 +20550,13 @@ static dgfem_step_solver *dgfemi_step_solver_create(const dgfem_mesh *mesh, cons
     solver->touched = (char *)dgfemi_allocate_zero(hooks, elements, 1);
     solver->in_patch = (char *)dgfemi_allocate_zero(hooks, elements, 1);
     solver->patch = (int *)dgfemi_allocate(hooks, elements, sizeof(int));
+    int past = 0;
+    while (past < DGFEM_PAST && (solver->past[past] = (dgfem_real *)dgfemi_allocate(hooks, size, sizeof(dgfem_real))))
+        past++;
     solver->vectors = (dgfem_real *)dgfemi_allocate(hooks, DGFEMI_STEP_VECTORS * size, sizeof(dgfem_real));
     solver->inverse = (dgfem_real *)dgfemi_allocate(hooks, dgfemi_diagonal_size(matrix), sizeof(dgfem_real));
     if (!solver->rotation || !solver->turn || !solver->touched || !solver->in_patch ||
-        !solver->patch || !solver->vectors || !solver->inverse ||
+        !solver->patch || past < DGFEM_PAST || !solver->vectors || !solver->inverse ||
         !dgfemi_step_solver_find_pieces(solver, mesh, hooks)) {
         dgfemi_step_solver_destroy(solver, hooks);
         return NULL;
@@ -19984,16 +20898,54 @@ static dgfem_status dgfemi_factor_step(dgfem_body *body, const dgfem_mat3 *rotat
     return DGFEM_OK;
 }
 
-/* x = the velocities now, moved along their last change so far as lowers the error's energy most; before there is one,
-   moved with each piece as a whole. */
+/* Moves x along the part of direction number `count` that is conjugate to those before it, so far as lowers the error's
+   energy most. 0 where there is no such part. */
+static int dgfemi_move_start(const dgfem_body *body, dgfemi_pcg *cg, int count, double curvature[]) {
+    int size = cg->matrix->size;
+    dgfem_real *p = dgfemi_step_vector(body, DGFEMI_STEP_START + count);
+    dgfem_real *q = dgfemi_step_vector(body, DGFEMI_STEP_START_PRODUCT + count);
+    dgfem_matrix_multiply(cg->matrix, p, q);
+    double whole = dgfemi_vector_dot(size, p, q);
+    for (int k = 0; k < count; k++) {
+        const dgfem_real *earlier = dgfemi_step_vector(body, DGFEMI_STEP_START_PRODUCT + k);
+        dgfem_real part = (dgfem_real)(-dgfemi_vector_dot(size, p, earlier) / curvature[k]);
+        dgfemi_vector_add(size, part, dgfemi_step_vector(body, DGFEMI_STEP_START + k), p);
+        dgfemi_vector_add(size, part, earlier, q);
+    }
+    curvature[count] = dgfemi_vector_dot(size, p, q);
+    if (!(curvature[count] > (double)dgfemi_sqrt(DGFEM_EPSILON) * whole)) return 0; /* also: A is not positive definite */
+    dgfem_real step = (dgfem_real)(dgfemi_vector_dot(size, p, cg->r) / curvature[count]);
+    if (!dgfemi_is_finite(step)) return 0;
+    dgfemi_vector_add(size, step, p, cg->x);
+    dgfemi_vector_add(size, -step, q, cg->r);
+    return 1;
+}
+
+/* x = the velocities now, moved along their last changes; before there are any, moved with each piece as a whole. */
 static void dgfemi_start_step(const dgfem_body *body, dgfemi_pcg *cg) {
-    size_t size = (size_t)cg->matrix->size;
-    memcpy(cg->x, body->velocity, size * sizeof *cg->x);
+    const dgfem_step_solver *solver = body->step_solver;
+    size_t bytes = (size_t)cg->matrix->size * sizeof *cg->x;
+    double curvature[1 + DGFEM_PAST];
+    dgfem_real *p = dgfemi_step_vector(body, DGFEMI_STEP_START);
+    memcpy(cg->x, body->velocity, bytes);
     dgfemi_pcg_residual(cg);
-    memcpy(cg->p, body->change, size * sizeof *cg->p);
-    if (dgfemi_vector_is_zero(cg->matrix->size, cg->p)) dgfemi_balance_pieces(body, cg->r, cg->p);
-    double descent = dgfemi_vector_dot(cg->matrix->size, cg->p, cg->r);
-    if (descent != 0) (void)dgfemi_pcg_advance(cg, descent);
+    memcpy(p, body->change, bytes);
+    if (dgfemi_vector_is_zero(cg->matrix->size, p)) dgfemi_balance_pieces(body, cg->r, p);
+    int count = dgfemi_move_start(body, cg, 0, curvature);
+    for (int k = 0; k < solver->past_count; k++) {
+        memcpy(dgfemi_step_vector(body, DGFEMI_STEP_START + count), solver->past[k], bytes);
+        count += dgfemi_move_start(body, cg, count, curvature);
+    }
+}
+
+/* After a step that went well, when the body has yet the change of the step before. */
+static void dgfemi_remember_change(const dgfem_body *body) {
+    dgfem_step_solver *solver = body->step_solver;
+    dgfem_real *oldest = solver->past[DGFEM_PAST - 1];
+    for (int k = DGFEM_PAST - 1; k > 0; k--) solver->past[k] = solver->past[k - 1];
+    solver->past[0] = oldest;
+    memcpy(oldest, body->change, (size_t)body->matrix->size * sizeof *oldest);
+    if (solver->past_count < DGFEM_PAST) solver->past_count++;
 }
 
 /* Iterations that the rest of a price pays. */
@@ -21102,6 +22054,7 @@ static dgfem_status dgfemi_step(dgfem_body *body, dgfem_real h, dgfem_step_info 
     if (!status) status = dgfemi_check_solution(body, v);
     if (status) return status;
     dgfemi_hold_elements(body, h, 1, NULL, v);
+    if (body->step_solver) dgfemi_remember_change(body);
     for (int i = 0; i < body->basis_count; i++) {
         body->change[i] = dgfemi_sub(v[i], body->velocity[i]);
         body->displacement[i] = dgfemi_add_scaled(body->displacement[i], h, v[i]);
@@ -22761,7 +23714,10 @@ static void dgfemi_renewal_accept(dgfemi_renewal *r) {
         condition->values = r->values[c];
     }
     *body = r->next;
-    if (r->solver_kept && body->step_solver) body->step_solver->is_factored = 0; /* elements may have changed places */
+    if (r->solver_kept && body->step_solver) { /* elements may have changed places */
+        body->step_solver->is_factored = 0;
+        body->step_solver->past_count = 0;
+    }
     body->desc.mesh = body->mesh;
     r->edit->mesh = last.mesh; /* which is freed with the edit */
     dgfemi_update_force(body);
@@ -26818,6 +27774,29 @@ static int dgfemi_cutter_is_thread(const dgfemi_cutter *cutter, int f, dgfem_vec
     return 0;
 }
 
+/* Whether a face between elements on both sides of a blade lies in its plane, no farther off than planes that are taken
+   for one may be, and no farther than that from what all blades cover. Where two meet at a shallow angle, such planes
+   miss the edge of both by far more. No face that is itself no wider. side: the element that tells its places. */
+static int dgfemi_cutter_is_flush(const dgfemi_cutter *cutter, const dgfem_face *face, int side,
+                                  const dgfemi_blade *blade, const dgfemi_blade *blades, int count) {
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    int a = face->element[0], b = face->element[1];
+    dgfem_real radius = dgfemi_max(mesh->elements[a].radius, mesh->elements[b].radius);
+    dgfem_real distance = 2 * DGFEM_SAME_PLANE * radius;
+    if (dgfemi_blade_side(blade, cutter->place[a]) == dgfemi_blade_side(blade, cutter->place[b])) return 0;
+    if (!(face->area > 4 * distance * dgfemi_face_radius(mesh, face))) return 0;
+    for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++)
+        for (int i = 0; i < mesh->loops[l].count; i++) {
+            dgfem_vec3 x = mesh->vertices[mesh->loop_vertices[mesh->loops[l].start + i]];
+            int is_near = 0;
+            x = dgfemi_cutter_place(cutter, face->element[side], x);
+            if (!(dgfemi_abs(dgfemi_blade_distance(blade, x)) <= distance)) return 0;
+            for (int k = 0; !is_near && k < count; k++) is_near = dgfemi_blade_is_near(&blades[k], x, distance);
+            if (!is_near) return 0;
+        }
+    return 1;
+}
+
 /* Where blades meet at an edge, what is left of strips there belongs to none of them alone: a last look at the glue of
    what was split, for all blades together. 1 on success, 0 when out of memory. */
 static int dgfemi_cutter_seal(dgfemi_cutter *cutter, const dgfemi_blade *blades, int count) {
@@ -26830,6 +27809,8 @@ static int dgfemi_cutter_seal(dgfemi_cutter *cutter, const dgfemi_blade *blades,
         if (!cutter->touched[face->element[0]] && !cutter->touched[face->element[1]]) continue;
         if (!dgfemi_cutter_inner_point(cutter, face, &inner)) return 0;
         int is_cut = dgfemi_cutter_is_thread(cutter, f, inner, blades, count);
+        for (int k = 0; !is_cut && k < 2 * count; k++)
+            is_cut = dgfemi_cutter_is_flush(cutter, face, k % 2, &blades[k / 2], blades, count);
         if (mesh->elements[face->element[0]].tag != mesh->elements[face->element[1]].tag && !is_cut) {
             is_cut = dgfemi_cutter_parts(cutter, face, inner, blades, count);
             for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++)

@@ -1,13 +1,15 @@
 /* The sparse Cholesky factorization beside CHOLMOD with OpenBLAS, in the same run, repeat by repeat in turns, one thread
    each: analyse, factor and solve, on grids of hexahedra coupled across their faces, 12 unknowns each (degree 1) or 30
-   (degree 2), from 1,000 to 100,000 unknowns; and the fill of the orderings on sliced bodies.
+   (degree 2), from 1,000 to 100,000 unknowns; on matrices of nodes, as shells and mean value coordinates have them; and
+   the fill of the orderings on sliced bodies.
 
-       bench_solver [--large] [--quick] [--fill] [--cpu] [--simd none|sse2|avx2|avx512] [--csv FILE]
+       bench_solver [--large] [--quick] [--nodes] [--fill] [--cpu] [--simd none|sse2|avx2|avx512] [--csv FILE]
 
    Times are the least of several repeats. --cpu counts the processor's time in place of the wall's, for machines that
    others use at the same time. --large goes on to 300,000 unknowns, --quick takes 12,000, 30,000 and 49,152 alone,
-   --fill the orderings; --simd is the instruction set that
-   dgfem uses (OPENBLAS_CORETYPE=Haswell keeps OpenBLAS to AVX2, =Nehalem to SSE). CHOLMOD is there when the program is
+   --nodes the matrices of nodes alone, --fill the orderings; --simd is the instruction set that dgfem uses. OpenBLAS
+   chooses its own, which is printed: one older than the processor may choose AVX2 where there is AVX-512.
+   OPENBLAS_CORETYPE=SkylakeX has it use AVX-512, =Haswell AVX2, =Nehalem SSE. CHOLMOD is there when the program is
    built with -DHAVE_CHOLMOD and linked with -lcholmod -lopenblas, as `make bench` does; OMP_THREAD_LIMIT=1 and
    OPENBLAS_NUM_THREADS=1 must be set, for it uses OpenMP in its assembly.
 
@@ -18,7 +20,9 @@
 
 #include "bench.h"
 #include "formats.h"
+#include "lattice.h"
 #include "model.h"
+#include "nodes.h"
 #include "peers.h"
 #include "program.h"
 
@@ -26,19 +30,28 @@
 
 /* Noise off the diagonal, and a diagonal that dominates it. */
 static void fill_matrix(dgfem_matrix *matrix) {
+    double *sum = (double *)room((size_t)matrix->size, sizeof *sum);
     for (int i = 0; i < matrix->block_count; i++) {
         int rows = matrix->offset[i + 1] - matrix->offset[i];
         for (int k = matrix->row_start[i]; k < matrix->row_start[i + 1]; k++) {
             dgfem_real *block = matrix->values + matrix->value_start[k];
-            size_t count = matrix->value_start[k + 1] - matrix->value_start[k];
-            for (size_t j = 0; j < count; j++) block[j] = noise();
-            if (matrix->column[k] != i) continue;
-            for (int a = 0; a < rows; a++) {
-                for (int b = 0; b < a; b++) block[b * rows + a] = block[a * rows + b];
-                block[a * rows + a] = DGFEM_R(2.5) * (dgfem_real)rows;
+            int first = matrix->offset[matrix->column[k]], columns = matrix->offset[matrix->column[k] + 1] - first;
+            for (int j = 0; j < rows * columns; j++) {
+                block[j] = noise();
+                sum[matrix->offset[i] + j / columns] += fabs((double)block[j]);
+                sum[first + j % columns] += fabs((double)block[j]);
             }
+            if (matrix->column[k] != i) continue;
+            for (int a = 0; a < rows; a++)
+                for (int b = 0; b < a; b++) block[b * rows + a] = block[a * rows + b];
         }
     }
+    for (int i = 0; i < matrix->block_count; i++) {
+        int rows = matrix->offset[i + 1] - matrix->offset[i];
+        dgfem_real *block = dgfem_matrix_block(matrix, i, i);
+        for (int a = 0; a < rows; a++) block[a * rows + a] = (dgfem_real)(sum[matrix->offset[i] + a] + 1);
+    }
+    free(sum);
 }
 
 static dgfem_matrix *make_grid(int n, int width) {
@@ -116,8 +129,8 @@ static double time_product(const dgfem_matrix *matrix, const dgfem_real *b, dgfe
 
 /* ---- tables ---- */
 
-static void print_head(int n, int width, const dgfem_matrix *matrix) {
-    printf("\n%d^3 hexahedra of %d unknowns: %d\n", n, width, matrix->size);
+static void print_head(const char *what, const dgfem_matrix *matrix) {
+    printf("\n%s: %d unknowns\n", what, matrix->size);
     printf("  %-20s %9s %9s %8s %9s %9s %8s %8s %7s %8s %8s\n", "least ms", "analyse", "factor", "solve", "all",
            "(median)", "GFLOP", "GFLOP/s", "1e6 L", "MB", "residual");
 }
@@ -148,17 +161,17 @@ static void print_ratio(const char *name, const figures *own, const figures *oth
 }
 #endif
 
-static void bench_grid(int n, int width, dgfem_simd simd, FILE *csv) {
-    dgfem_matrix *matrix = make_grid(n, width);
+/* Frees the matrix. */
+static void bench_matrix(const char *what, dgfem_matrix *matrix, dgfem_simd simd, FILE *csv) {
     dgfem_real *b = (dgfem_real *)room((size_t)matrix->size, sizeof(dgfem_real));
     dgfem_real *x = (dgfem_real *)room((size_t)matrix->size, sizeof(dgfem_real));
     int *order = (int *)room((size_t)matrix->block_count, sizeof(int));
-    int repeats = matrix->size < 15000 ? 15 : matrix->size < 60000 ? 5 : 2;
+    int width = matrix->offset[1], repeats = matrix->size < 15000 ? 15 : matrix->size < 60000 ? 5 : 2;
     figures own;
     memset(&own, 0, sizeof own);
     for (int i = 0; i < matrix->size; i++) b[i] = noise();
     analyse_once(matrix, &own, order);
-    print_head(n, width, matrix);
+    print_head(what, matrix);
 #ifdef HAVE_CHOLMOD
     figures stock, given;
     cholmod_common common;
@@ -195,6 +208,42 @@ static void bench_grid(int n, int width, dgfem_simd simd, FILE *csv) {
     free(x);
     free(order);
     dgfem_matrix_destroy(matrix);
+}
+
+static void bench_grid(int n, int width, dgfem_simd simd, FILE *csv) {
+    char what[64];
+    snprintf(what, sizeof what, "%d^3 hexahedra of %d unknowns", n, width);
+    bench_matrix(what, make_grid(n, width), simd, csv);
+}
+
+/* The bunny, where that is at hand. */
+static void read_model(formats_surface *surface, const char **name) {
+    formats_error error;
+    const char *path = "build/bunny.obj";
+    FILE *file = fopen(path, "r");
+    int found = file != NULL;
+    if (file) fclose(file);
+    if (found && !formats_read_surface(path, surface, &error)) found = 0;
+    if (!found) expect(model_make(surface), "the built-in shape");
+    *name = found ? path : "shape";
+}
+
+static dgfem_matrix *with_values(dgfem_matrix *matrix) {
+    fill_matrix(matrix);
+    return matrix;
+}
+
+static void bench_nodes(dgfem_simd simd, FILE *csv) {
+    formats_surface surface;
+    formats_tetrahedra mesh;
+    const char *name;
+    read_model(&surface, &name);
+    expect(lattice_fill(&surface, 27, &mesh), "lattice_fill");
+    formats_free_surface(&surface);
+    bench_matrix("shell of 31 x 31 quadrilaterals, 3 a node", with_values(nodes_shell(31, 31)), simd, csv);
+    bench_matrix("tetrahedra, 3 a node", with_values(nodes_tetrahedra(&mesh)), simd, csv);
+    bench_matrix("20^3 hexahedra, 3 a node", with_values(nodes_hexahedra(20)), simd, csv);
+    formats_free_tetrahedra(&mesh);
 }
 
 /* ---- fill on sliced bodies ---- */
@@ -253,14 +302,9 @@ static void bench_fill(const formats_surface *surface, int cells) {
 static void bench_bodies(void) {
     static const int cells[4] = {6, 11, 20, 24};
     formats_surface surface;
-    formats_error error;
-    const char *path = "build/bunny.obj";
-    FILE *file = fopen(path, "r");
-    int found = file != NULL;
-    if (file) fclose(file);
-    if (found && !formats_read_surface(path, &surface, &error)) found = 0;
-    if (!found) expect(model_make(&surface), "the built-in shape");
-    printf("\nGFLOP of a factorization: sliced %s\n  %7s %9s %9s %9s", found ? path : "shape", "blocks", "auto",
+    const char *name;
+    read_model(&surface, &name);
+    printf("\nGFLOP of a factorization: sliced %s\n  %7s %9s %9s %9s", name, "blocks", "auto",
            "dissect", "min.deg.");
 #ifdef HAVE_CHOLMOD
     printf(" %9s %9s", "METIS", "AMD");
@@ -273,11 +317,12 @@ static void bench_bodies(void) {
 int main(int argc, char **argv) {
     static const char *const names[5] = {"auto", "none", "sse2", "avx2", "avx512"};
     static const int cells[2][10] = {{4, 6, 8, 10, 12, 16, 20, 24, 29, 0}, {3, 4, 6, 8, 10, 12, 15, 18, 21, 0}};
-    program p = program_begin(argc, argv, "bench_solver [--large] [--quick] [--fill] [--cpu] [--simd NAME] [--csv FILE]");
+    program p = program_begin(
+        argc, argv, "bench_solver [--large] [--quick] [--nodes] [--fill] [--cpu] [--simd NAME] [--csv FILE]");
     int large = program_flag(&p, "--large"), quick = program_flag(&p, "--quick");
     const char *name = program_text(&p, "--simd", "auto"), *path = program_text(&p, "--csv", "build/bench/solver.csv");
     use_cpu_time = program_flag(&p, "--cpu");
-    int fill_only = program_flag(&p, "--fill");
+    int fill_only = program_flag(&p, "--fill"), nodes_only = program_flag(&p, "--nodes");
     program_end(&p);
     int simd = 0;
     while (simd < 5 && strcmp(names[simd], name) != 0) simd++;
@@ -285,16 +330,23 @@ int main(int argc, char **argv) {
     FILE *csv = fopen(path, "w");
     if (!csv) fprintf(stderr, "bench_solver: %s cannot be written\n", path);
     if (csv) fprintf(csv, "width,unknowns,solver,analyse,factor,solve,all,all_median,flops,entries,bytes\n");
+#ifdef HAVE_CHOLMOD
+    printf("OpenBLAS for %s\n", openblas_get_corename());
+#endif
     if (fill_only) {
         bench_bodies();
+    } else if (nodes_only) {
+        bench_nodes((dgfem_simd)simd, csv);
     } else if (quick) {
         bench_grid(10, 12, (dgfem_simd)simd, csv);
         bench_grid(10, 30, (dgfem_simd)simd, csv);
         bench_grid(16, 12, (dgfem_simd)simd, csv);
+        bench_nodes((dgfem_simd)simd, csv);
     } else {
         for (int degree = 0; degree < 2; degree++)
             for (int k = 0; cells[degree][k] && (large || k < 7); k++)
                 bench_grid(cells[degree][k], degree ? 30 : 12, (dgfem_simd)simd, csv);
+        bench_nodes((dgfem_simd)simd, csv);
         bench_bodies();
     }
     if (csv) fclose(csv);

@@ -8,6 +8,8 @@
 
 #ifdef HAVE_CHOLMOD
 #include <suitesparse/cholmod.h>
+
+char *openblas_get_corename(void);
 #endif
 
 typedef struct figures {

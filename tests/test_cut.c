@@ -335,34 +335,39 @@ static void test_halves_move_apart(void **state) {
     dgfem_body_destroy(body);
 }
 
-/* Two bent strips of triangles through a body leave two pieces, at rest, shaken and hanging: elements do not agree where
-   the crease is, and no thread of glue may be left there. In float two of thirty hanging bodies keep one, through a film
-   of an element between the strips, and which ones do is up to round-off: they are left out. */
+/* Two bent strips of triangles through a body leave two pieces: at rest, shaken (1) or hanging (2). */
+static void check_bent_surface(check_random *random, int kind) {
+    const int triangles[6] = {0, 1, 2, 1, 3, 2};
+    dgfem_body *body = grid_body(4, 3, 3, 1, NULL);
+    double vertices[12], x = check_random_real(random, 1.2, 2.7), slope = check_random_real(random, -0.2, 0.2);
+    dgfem_piece pieces[4];
+    if (kind == 1) shake(body, random, 1e-3);
+    if (kind == 2) {
+        clamp_at_x(body, 0);
+        for (int i = 0; i < 10; i++) check_status(dgfem_body_step(body, (dgfem_real)(1 / 60.0), NULL), DGFEM_OK);
+    }
+    for (int i = 0; i < 4; i++) {
+        double y = i < 2 ? -3 : 6, z = i % 2 ? 6 : -6;
+        vertices[3 * i] = x + slope * y + 0.1 * z + check_random_real(random, -0.15, 0.15);
+        vertices[3 * i + 1] = y, vertices[3 * i + 2] = z;
+    }
+    check_status(dgfem_body_cut_surface(body, dgfem_points_in_double(vertices, 4), triangles, 2, NULL, NULL), DGFEM_OK);
+    check_status(dgfem_mesh_check(body->mesh), DGFEM_OK);
+    assert_int_equal(piece_count(body, pieces, 4), 2);
+    check_near(pieces[0].volume + pieces[1].volume, 36, 1e4 * quiet);
+    dgfem_body_destroy(body);
+}
+
+/* Elements do not agree where the crease is, and planes that are taken for one miss it; the shallower it is, the
+   farther. No thread of glue may be left there. */
 static void test_bent_surface(void **state) {
-    (void)state;
+    static const unsigned shallow[] = {7719, 7746, 7757}; /* in float planes miss these creases */
     check_random random = check_random_seeded(77);
-    for (int k = 0; k < 9; k++) {
-        int kind = DGFEM_REAL_IS_FLOAT ? k % 2 : k % 3;
-        dgfem_body *body = grid_body(4, 3, 3, 1, NULL);
-        double vertices[12], x = check_random_real(&random, 1.2, 2.7), slope = check_random_real(&random, -0.2, 0.2);
-        const int triangles[6] = {0, 1, 2, 1, 3, 2};
-        dgfem_piece pieces[4];
-        if (kind == 1) shake(body, &random, 1e-3);
-        if (kind == 2) {
-            clamp_at_x(body, 0);
-            for (int i = 0; i < 10; i++) check_status(dgfem_body_step(body, (dgfem_real)(1 / 60.0), NULL), DGFEM_OK);
-        }
-        for (int i = 0; i < 4; i++) {
-            double y = i < 2 ? -3 : 6, z = i % 2 ? 6 : -6;
-            vertices[3 * i] = x + slope * y + 0.1 * z + check_random_real(&random, -0.15, 0.15);
-            vertices[3 * i + 1] = y, vertices[3 * i + 2] = z;
-        }
-        check_status(dgfem_body_cut_surface(body, dgfem_points_in_double(vertices, 4), triangles, 2, NULL, NULL),
-                     DGFEM_OK);
-        check_status(dgfem_mesh_check(body->mesh), DGFEM_OK);
-        assert_int_equal(piece_count(body, pieces, 4), 2);
-        check_near(pieces[0].volume + pieces[1].volume, 36, 1e4 * quiet);
-        dgfem_body_destroy(body);
+    (void)state;
+    for (int k = 0; k < (check_long() ? 300 : 9); k++) check_bent_surface(&random, k % 3);
+    for (size_t i = 0; i < sizeof shallow / sizeof *shallow; i++) {
+        random = check_random_seeded(shallow[i]);
+        check_bent_surface(&random, 2);
     }
 }
 

@@ -198,11 +198,16 @@ static int dgfemi_factor_panel(dgfemi_front *f) {
 }
 
 #ifdef DGFEM_USE_BLAS
+static const dgfem_real *dgfemi_strip_of_b(const dgfemi_front *f, int strip) {
+    size_t rows = (size_t)f->c->kernels->strip, width = (size_t)f->panel.width;
+    return f->panel.values + dgfemi_triangle_size(f->panel.width, f->c->kernels->strip) + (size_t)strip * rows * width;
+}
+
 /* B in columns, as BLAS wants one operand of B B^T; strips will do for the other, and for the result. */
 static void dgfemi_pack_for_blas(dgfemi_front *f) {
     int strip = f->c->kernels->strip, width = f->panel.width, height = f->panel.height, s, k;
     for (s = 0; s < f->strips; s++) {
-        const dgfem_real *from = f->panel.values + (size_t)(f->pivot_strips + s) * (size_t)strip * (size_t)width;
+        const dgfem_real *from = dgfemi_strip_of_b(f, s);
         int rows = height - s * strip < strip ? height - s * strip : strip;
         for (k = 0; k < width; k++, from += strip)
             memcpy(f->c->packed + (size_t)k * (size_t)height + (size_t)s * (size_t)strip, from,
@@ -214,7 +219,7 @@ static void dgfemi_pack_for_blas(dgfemi_front *f) {
 static void dgfemi_make_update_by_blas(const dgfemi_front *f, int first, int last) {
     int strip = f->c->kernels->strip, width = f->panel.width, height = f->panel.height, s;
     for (s = first; s < last; s++) {
-        const dgfem_real *a = f->panel.values + (size_t)(f->pivot_strips + s) * (size_t)strip * (size_t)width;
+        const dgfem_real *a = dgfemi_strip_of_b(f, s);
         dgfem_real *u = f->update + (size_t)s * ((size_t)s + 1) / 2 * (size_t)strip * (size_t)strip;
         int columns = (s + 1) * strip < height ? (s + 1) * strip : height;
 #if DGFEM_REAL_IS_FLOAT

@@ -640,6 +640,29 @@ static int dgfemi_cutter_is_thread(const dgfemi_cutter *cutter, int f, dgfem_vec
     return 0;
 }
 
+/* Whether a face between elements on both sides of a blade lies in its plane, no farther off than planes that are taken
+   for one may be, and no farther than that from what all blades cover. Where two meet at a shallow angle, such planes
+   miss the edge of both by far more. No face that is itself no wider. side: the element that tells its places. */
+static int dgfemi_cutter_is_flush(const dgfemi_cutter *cutter, const dgfem_face *face, int side,
+                                  const dgfemi_blade *blade, const dgfemi_blade *blades, int count) {
+    const dgfem_mesh *mesh = cutter->edit->mesh;
+    int a = face->element[0], b = face->element[1];
+    dgfem_real radius = dgfemi_max(mesh->elements[a].radius, mesh->elements[b].radius);
+    dgfem_real distance = 2 * DGFEM_SAME_PLANE * radius;
+    if (dgfemi_blade_side(blade, cutter->place[a]) == dgfemi_blade_side(blade, cutter->place[b])) return 0;
+    if (!(face->area > 4 * distance * dgfemi_face_radius(mesh, face))) return 0;
+    for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++)
+        for (int i = 0; i < mesh->loops[l].count; i++) {
+            dgfem_vec3 x = mesh->vertices[mesh->loop_vertices[mesh->loops[l].start + i]];
+            int is_near = 0;
+            x = dgfemi_cutter_place(cutter, face->element[side], x);
+            if (!(dgfemi_abs(dgfemi_blade_distance(blade, x)) <= distance)) return 0;
+            for (int k = 0; !is_near && k < count; k++) is_near = dgfemi_blade_is_near(&blades[k], x, distance);
+            if (!is_near) return 0;
+        }
+    return 1;
+}
+
 /* Where blades meet at an edge, what is left of strips there belongs to none of them alone: a last look at the glue of
    what was split, for all blades together. 1 on success, 0 when out of memory. */
 static int dgfemi_cutter_seal(dgfemi_cutter *cutter, const dgfemi_blade *blades, int count) {
@@ -652,6 +675,8 @@ static int dgfemi_cutter_seal(dgfemi_cutter *cutter, const dgfemi_blade *blades,
         if (!cutter->touched[face->element[0]] && !cutter->touched[face->element[1]]) continue;
         if (!dgfemi_cutter_inner_point(cutter, face, &inner)) return 0;
         int is_cut = dgfemi_cutter_is_thread(cutter, f, inner, blades, count);
+        for (int k = 0; !is_cut && k < 2 * count; k++)
+            is_cut = dgfemi_cutter_is_flush(cutter, face, k % 2, &blades[k / 2], blades, count);
         if (mesh->elements[face->element[0]].tag != mesh->elements[face->element[1]].tag && !is_cut) {
             is_cut = dgfemi_cutter_parts(cutter, face, inner, blades, count);
             for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++)

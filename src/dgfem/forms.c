@@ -32,6 +32,7 @@ typedef struct dgfemi_chunk_bin {
 
 typedef struct dgfemi_element_form {
     int count;   /* basis functions */
+    int face;    /* first in a list of assembly, see warp.c */
     size_t data; /* chunk: mass [count^2], load [count], stiffness [(count - 1)^2] 3x3 matrices, row-major */
 } dgfemi_element_form;
 
@@ -48,6 +49,7 @@ typedef struct dgfemi_face_form {
     int consistent;       /* 1: IP, 0: BZ, whose forms have no tractions */
     int normal_only;      /* held face: 1: only the component along the rest normal is held */
     int condition;        /* held face: id of the condition that holds it, else DGFEM_NONE */
+    int next[2];          /* in the lists of assembly, see warp.c */
 } dgfemi_face_form;
 
 struct dgfem_forms {

@@ -2,6 +2,7 @@
    is inserted for each instruction set, which panel.c describes by
 
        DGFEM_PATH(name)                       the name with the instruction set's suffix
+       DGFEM_FOUR(name)                       the same, or that of an earlier one whose vectors have no more than four lanes
        DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
        DGFEM_VECTORS, DGFEM_TILE              vectors in a strip, columns of a tile (even; divides a strip's rows)
        DGFEM_V_LOAD(p) _STORE(p, v) _ALL(x)   and _ADD(a, b), _SUB(a, b), _MUL(a, b)
@@ -192,8 +193,17 @@ static int DGFEM_PATH(dgfemi_factor_tile)(dgfem_real *x, int columns, int offset
 
 static int DGFEM_PATH(dgfemi_strips)(int rows) { return rows / DGFEM_STRIP + (rows % DGFEM_STRIP != 0); }
 
+/* Where strip `strip` of a lower triangle begins: it has all columns up to its own last row, the strips before it
+   likewise. */
+static size_t DGFEM_PATH(dgfemi_triangle_strip)(int strip) {
+    return (size_t)strip * ((size_t)strip + 1) / 2 * DGFEM_STRIP * DGFEM_STRIP;
+}
+
+/* D's last strip ends with the last column, as all those of B do. */
 static dgfem_real *DGFEM_PATH(dgfemi_strip)(const dgfemi_panel *p, int strip) {
-    return p->values + (size_t)strip * DGFEM_STRIP * (size_t)p->width;
+    int last = DGFEM_PATH(dgfemi_strips)(p->width) - 1;
+    if (strip <= last) return p->values + DGFEM_PATH(dgfemi_triangle_strip)(strip);
+    return p->values + DGFEM_PATH(dgfemi_triangle_strip)(last) + (size_t)(strip - last) * DGFEM_STRIP * (size_t)p->width;
 }
 
 /* Row `row` of D, or behind D's strips of B, from column `column` on: the second operand of a product. */
@@ -272,11 +282,6 @@ static void DGFEM_PATH(dgfemi_update_strips)(const dgfemi_panel *p, int first, i
         }
 }
 
-/* Where strip `strip` of an update begins: it has all columns up to its own last row, the strips before it likewise. */
-static size_t DGFEM_PATH(dgfemi_update_strip)(int strip) {
-    return (size_t)strip * ((size_t)strip + 1) / 2 * DGFEM_STRIP * DGFEM_STRIP;
-}
-
 /* U = -B B^T, lower half, the strips first <= i < last of it. What is above the diagonal stays undefined. */
 static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u, int first, int last) {
     int pivot_strips = DGFEM_PATH(dgfemi_strips)(p->width), from, chunk, strip, j;
@@ -292,7 +297,7 @@ static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u,
                 for (j = chunk; j < end; j += DGFEM_TILE)
                     DGFEM_PATH(dgfemi_store_tile)(
                         a, DGFEM_PATH(dgfemi_panel_row)(p, pivot_strips * DGFEM_STRIP + j, from), count,
-                        u + DGFEM_PATH(dgfemi_update_strip)(strip) + (size_t)j * DGFEM_STRIP, from > 0,
+                        u + DGFEM_PATH(dgfemi_triangle_strip)(strip) + (size_t)j * DGFEM_STRIP, from > 0,
                         j > row ? (j - row) / DGFEM_V_LANES : 0, vectors, end - j);
             }
     }
@@ -300,7 +305,7 @@ static void DGFEM_PATH(dgfemi_make_update)(const dgfemi_panel *p, dgfem_real *u,
 
 /* ---- assembly ---- */
 
-/* Zeros strips of a panel, but for what no one reads above D's diagonal. */
+/* Zeros strips of a panel. */
 static void DGFEM_PATH(dgfemi_clear_panel)(const dgfemi_panel *p, int first, int last) {
     int strip;
     for (strip = first; strip < last; strip++)
@@ -333,10 +338,10 @@ static void DGFEM_PATH(dgfemi_add_update)(const dgfemi_extension *e, int first, 
     int pivot_strips = DGFEM_PATH(dgfemi_strips)(e->panel.width), width = e->panel.width, s, k, i;
     for (s = first; s < last; s++) {
         const dgfemi_run *rows = e->segments + s;
-        const dgfem_real *from = e->child + DGFEM_PATH(dgfemi_update_strip)(rows->row / DGFEM_STRIP);
+        const dgfem_real *from = e->child + DGFEM_PATH(dgfemi_triangle_strip)(rows->row / DGFEM_STRIP);
         int row = rows->front_row, shift = e->update ? width : 0;
         dgfem_real *to;
-        if (e->update) to = e->update + DGFEM_PATH(dgfemi_update_strip)((row - width) / DGFEM_STRIP);
+        if (e->update) to = e->update + DGFEM_PATH(dgfemi_triangle_strip)((row - width) / DGFEM_STRIP);
         else if (row < width) to = DGFEM_PATH(dgfemi_strip)(&e->panel, row / DGFEM_STRIP);
         else to = DGFEM_PATH(dgfemi_strip)(&e->panel, pivot_strips + (row - width) / DGFEM_STRIP);
         to += (row < width ? row : row - width) % DGFEM_STRIP;
@@ -533,33 +538,139 @@ static void DGFEM_PATH(dgfemi_multiply_block)(const dgfem_real *a, int rows, int
 
 /* ---- 3x3 matrices ---- */
 
-/* out = a b for `rows` rows of a, with a constant number of columns. */
-DGFEM_INLINE void DGFEM_PATH(dgfemi_combine_rows)(const dgfem_real *a, int rows, int inner, const dgfem_real *b,
-                                                  dgfem_real *out) {
-    enum { VECTORS = (9 + DGFEM_V_LANES - 1) / DGFEM_V_LANES };
+#if DGFEM_V_LANES <= 4
+/* row += from: whole vectors, and then single numbers first <= k < last. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_add_row)(const dgfem_real *from, int vectors, int first, int last,
+                                             dgfem_real *row) {
     int k, v;
-    for (; rows > 0; rows--, a += inner, out += DGFEM_MATRIX_STRIDE) {
+    for (v = 0; v < vectors; v++)
+        DGFEM_V_STORE(row + v * DGFEM_V_LANES,
+                      DGFEM_V_ADD(DGFEM_V_LOAD(row + v * DGFEM_V_LANES), DGFEM_V_LOAD(from + v * DGFEM_V_LANES)));
+    for (k = first; k < last; k++) row[k] += from[k];
+}
+
+/* Three rows of which `count` numbers count; behind them come zeros, and `room` numbers are left in the block's rows. */
+static void DGFEM_PATH(dgfemi_add_rows_of)(const dgfem_real *from, int from_stride, int count, int room, dgfem_real *row,
+                                           int stride) {
+    int vectors = (count + DGFEM_V_LANES - 1) / DGFEM_V_LANES, most = room / DGFEM_V_LANES, p;
+    if (vectors > most) vectors = most;
+    for (p = 0; p < 3; p++, from += from_stride, row += stride)
+        DGFEM_PATH(dgfemi_add_row)(from, vectors, vectors * DGFEM_V_LANES, count, row);
+}
+
+/* k = lambda u v^T + mu v u^T + mu (u.v) I */
+static void DGFEM_PATH(dgfemi_set_elastic)(dgfem_real lambda, dgfem_real mu, const dgfem_real *u, const dgfem_real *v,
+                                           dgfem_real *k) {
+    static const dgfem_real unit[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
+    const DGFEM_VECTOR d = DGFEM_V_ALL(mu * (u[0] * v[0] + u[1] * v[1] + u[2] * v[2]));
+    int p, c;
+    DGFEM_UNROLL
+    for (p = 0; p < 3; p++) {
+        DGFEM_UNROLL
+        for (c = 0; c < 4; c += DGFEM_V_LANES) {
+            DGFEM_VECTOR row = DGFEM_V_MUL(DGFEM_V_LOAD(unit[p] + c), d);
+            row = DGFEM_V_FMA(DGFEM_V_LOAD(u + c), DGFEM_V_ALL(mu * v[p]), row);
+            DGFEM_V_STORE(k + 4 * p + c, DGFEM_V_FMA(DGFEM_V_LOAD(v + c), DGFEM_V_ALL(lambda * u[p]), row));
+        }
+    }
+}
+
+/* out[i] = k[i]^T v for `count` matrices */
+static void DGFEM_PATH(dgfemi_transform)(const dgfem_real *k, int count, const dgfem_real *v, dgfem_real *out) {
+    const DGFEM_VECTOR x = DGFEM_V_ALL(v[0]), y = DGFEM_V_ALL(v[1]), z = DGFEM_V_ALL(v[2]);
+    int i, c;
+    for (i = 0; i < count; i++, k += DGFEM_MATRIX_STRIDE, out += DGFEM_VECTOR_STRIDE)
+        for (c = 0; c < 4; c += DGFEM_V_LANES) {
+            DGFEM_VECTOR sum = DGFEM_V_MUL(DGFEM_V_LOAD(k + c), x);
+            sum = DGFEM_V_FMA(DGFEM_V_LOAD(k + 4 + c), y, sum);
+            DGFEM_V_STORE(out + c, DGFEM_V_FMA(DGFEM_V_LOAD(k + 8 + c), z, sum));
+        }
+}
+
+/* out += a sum of three vectors of b for each part, with the part's three factors. */
+static void DGFEM_PATH(dgfemi_add_vectors)(const dgfem_real **parts, int count, const dgfem_real *b, dgfem_real *out) {
+    enum { VECTORS = 4 / DGFEM_V_LANES };
+    dgfem_real vector[4];
+    DGFEM_VECTOR sum[3 * VECTORS];
+    int k, d, v;
+    DGFEM_UNROLL
+    for (v = 0; v < 3 * VECTORS; v++) sum[v] = DGFEM_V_ALL(0);
+    for (k = 0; k < count; k++, b += 3 * DGFEM_VECTOR_STRIDE) {
+        DGFEM_UNROLL
+        for (d = 0; d < 3; d++) {
+            DGFEM_VECTOR factor = DGFEM_V_ALL(parts[k][d]);
+            DGFEM_UNROLL
+            for (v = 0; v < VECTORS; v++)
+                sum[d * VECTORS + v] = DGFEM_V_FMA(DGFEM_V_LOAD(b + d * DGFEM_VECTOR_STRIDE + v * DGFEM_V_LANES),
+                                                   factor, sum[d * VECTORS + v]);
+        }
+    }
+    DGFEM_UNROLL
+    for (v = 0; v < VECTORS; v++)
+        DGFEM_V_STORE(vector + v * DGFEM_V_LANES,
+                      DGFEM_V_ADD(DGFEM_V_ADD(sum[v], sum[VECTORS + v]), sum[2 * VECTORS + v]));
+    for (d = 0; d < 3; d++) out[d] += vector[d];
+}
+#endif
+
+/* What row i of the sums adds to three rows of the block. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_make_rows)(const dgfem_real *a, int count, int inner, const DGFEM_VECTOR *b,
+                                               dgfem_real (*rows)[3 * DGFEM_MATRICES_IN_A_ROW + 4]) {
+    enum { VECTORS = (12 + DGFEM_V_LANES - 1) / DGFEM_V_LANES };
+    int j, k, v, p;
+    for (j = 0; j < count; j++, a += inner) {
+        dgfem_real matrix[VECTORS * DGFEM_V_LANES];
         DGFEM_VECTOR sum[VECTORS];
         DGFEM_UNROLL
-        for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_MUL(DGFEM_V_LOAD(b + v * DGFEM_V_LANES), DGFEM_V_ALL(a[0]));
+        for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_MUL(b[v], DGFEM_V_ALL(a[0]));
         DGFEM_UNROLL
         for (k = 1; k < inner; k++) {
             DGFEM_VECTOR factor = DGFEM_V_ALL(a[k]);
             DGFEM_UNROLL
-            for (v = 0; v < VECTORS; v++)
-                sum[v] = DGFEM_V_FMA(DGFEM_V_LOAD(b + k * DGFEM_MATRIX_STRIDE + v * DGFEM_V_LANES), factor, sum[v]);
+            for (v = 0; v < VECTORS; v++) sum[v] = DGFEM_V_FMA(b[k * VECTORS + v], factor, sum[v]);
         }
         DGFEM_UNROLL
-        for (v = 0; v < VECTORS; v++) DGFEM_V_STORE(out + v * DGFEM_V_LANES, sum[v]);
+        for (v = 0; v < VECTORS; v++) DGFEM_V_STORE(matrix + v * DGFEM_V_LANES, sum[v]);
+        DGFEM_UNROLL
+        for (p = 0; p < 3; p++) /* the fourth number is overwritten by the next matrix */
+            memcpy(rows[p] + 3 * j, matrix + 4 * p, 4 * sizeof *matrix);
+    }
+    for (p = 0; p < 3; p++)
+        for (k = 0; k < 4; k++) rows[p][3 * count + k] = 0;
+}
+
+/* Several rows are made before they are added: what was stored in other pieces is slow to read back at once. */
+DGFEM_INLINE void DGFEM_PATH(dgfemi_add_sums)(const dgfemi_sums *sums, int inner) {
+    enum { VECTORS = (12 + DGFEM_V_LANES - 1) / DGFEM_V_LANES, TOGETHER = 4 };
+    DGFEM_VECTOR b[9 * VECTORS];
+    dgfem_real rows[3 * TOGETHER][3 * DGFEM_MATRICES_IN_A_ROW + 4];
+    const dgfem_real *a = sums->a;
+    int first, last, i, k, v;
+    DGFEM_UNROLL
+    for (k = 0; k < inner; k++) {
+        const dgfem_real *from = k < 2 ? sums->b[0] : k < 5 ? sums->b[1] : sums->b[2];
+        DGFEM_UNROLL
+        for (v = 0; v < VECTORS; v++)
+            b[k * VECTORS + v] = DGFEM_V_LOAD(from + (k < 2 ? k : k < 5 ? k - 2 : k - 5) * DGFEM_MATRIX_STRIDE +
+                                              v * DGFEM_V_LANES);
+    }
+    for (first = 0; first < sums->rows; first = last) {
+        last = first + TOGETHER < sums->rows ? first + TOGETHER : sums->rows;
+        for (i = first; i < last; i++) {
+            DGFEM_PATH(dgfemi_make_rows)(a, sums->count ? sums->count : i + 1, inner, b, rows + 3 * (i - first));
+            a += sums->step + (i + 1) * sums->growth;
+        }
+        for (i = first; i < last; i++)
+            DGFEM_FOUR(dgfemi_add_rows_of)(rows[3 * (i - first)], 3 * DGFEM_MATRICES_IN_A_ROW + 4,
+                                           3 * (sums->count ? sums->count : i + 1), sums->room,
+                                           sums->out + 3 * i * sums->stride, sums->stride);
     }
 }
 
-/* out = a b: `rows` matrices of 3x3 as sums of `inner` (2, 8 or 9) ones, those of b, with the factors in a. A matrix takes
-   DGFEM_MATRIX_STRIDE reals; those after the ninth are not looked at. */
-static void DGFEM_PATH(dgfemi_combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out) {
-    if (inner == 2) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 2, b, out);
-    else if (inner == 8) DGFEM_PATH(dgfemi_combine_rows)(a, rows, 8, b, out);
-    else DGFEM_PATH(dgfemi_combine_rows)(a, rows, 9, b, out);
+static void DGFEM_PATH(dgfemi_add_matrices)(const dgfemi_sums *sums) {
+    if (sums->inner == 2) DGFEM_PATH(dgfemi_add_sums)(sums, 2);
+    else if (sums->inner == 8) DGFEM_PATH(dgfemi_add_sums)(sums, 8);
+    else DGFEM_PATH(dgfemi_add_sums)(sums, 9);
 }
 
 static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
@@ -577,7 +688,10 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
         DGFEM_PATH(dgfemi_solve_panel),
         DGFEM_PATH(dgfemi_solve_panel_transposed),
         DGFEM_PATH(dgfemi_multiply_block),
-        DGFEM_PATH(dgfemi_combine),
+        DGFEM_PATH(dgfemi_add_matrices),
+        DGFEM_FOUR(dgfemi_set_elastic),
+        DGFEM_FOUR(dgfemi_transform),
+        DGFEM_FOUR(dgfemi_add_vectors),
     };
     return &kernels;
 }
@@ -587,6 +701,7 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
 #undef DGFEM_CASE_4
 #undef DGFEM_SWITCH
 #undef DGFEM_PATH
+#undef DGFEM_FOUR
 #undef DGFEM_PATH_ID
 #undef DGFEM_VECTOR
 #undef DGFEM_V_LANES

@@ -368,7 +368,8 @@ static dgfem_vec3 dgfemi_direction(int i) {
 }
 
 enum {
-    DGFEM_TRIALS = 4,         /* cuts along different directions that are narrowed, to take the best */
+    DGFEM_TRIALS = 4,         /* cuts along different directions that are narrowed, to take the best, */
+    DGFEM_TRIED_PARTS = 8,    /* in parts of this fraction of the graph or more: there separators are long */
     DGFEM_SMALLEST_PART = 48, /* vertices; smaller parts are left to minimum degree */
     DGFEM_KEY_BITS = 10       /* places along a direction are rounded to twice as many bits: ties survive round-off */
 };
@@ -393,9 +394,10 @@ typedef struct dgfemi_dissection {
     int *level;              /* distance from the separator; DGFEM_NONE outside the band */
     unsigned char *touches;  /* bit 0: the part passed, bit 1: the part ahead, both without the band */
     int *before, *after;     /* neighbours on the path through a vertex, or one of the following */
-    int *stack, *list;       /* [2 * count] states to go on from, all states that a search has reached */
+    int *next;               /* the neighbour to look at next */
+    int *stack, *list;       /* [2 * count] states to go on from, by depth or by breadth */
     int *from;               /* [2 * count] the state that each was reached from */
-    unsigned char *reached;  /* [2 * count] */
+    int *distance;           /* [2 * count] steps from the part passed; DGFEM_NONE: not to be reached */
     unsigned char *old_side;
 } dgfemi_dissection;
 
@@ -408,6 +410,7 @@ typedef struct dgfemi_cut {
 } dgfemi_cut;
 
 #define DGFEM_NO_CUT 1e300
+#define DGFEM_HOPELESS 1.2  /* a cut that costs so much more than the best is not narrowed */
 #define DGFEM_WORTH_IT 0.97 /* a later trial must be so much cheaper: the first cut suits the grid, if there is one */
 
 /* Weights of the separator and of what lies to its sides. The ratio cut weighs a small separator against even halves;
@@ -578,7 +581,7 @@ static void dgfemi_collect_band(dgfemi_dissection *d, int depth) {
     }
     for (at = 0; at < d->band_count; at++) {
         v = d->band[at];
-        d->touches[v] = d->reached[2 * v] = d->reached[2 * v + 1] = 0;
+        d->touches[v] = 0;
         d->before[v] = d->after[v] = DGFEM_NONE;
         d->old_side[v] = d->side[v];
         for (k = local->start[v]; k < local->start[v + 1]; k++) {
@@ -594,37 +597,81 @@ static void dgfemi_collect_band(dgfemi_dissection *d, int depth) {
     }
 }
 
-static void dgfemi_reach(dgfemi_dissection *d, int state, int from, int *stacked, int *listed) {
-    if (d->reached[state]) return;
-    d->reached[state] = 1;
-    d->from[state] = from;
-    d->stack[(*stacked)++] = d->list[(*listed)++] = state;
+/* 1 where a search begins: a path may come in from the part passed, and none does. */
+static int dgfemi_is_source(const dgfemi_dissection *d, int v) {
+    return (d->touches[v] & 1) && d->before[v] != DGFEM_PATH_ENDS;
 }
 
-/* A depth-first search for a path from a vertex that touches the part passed; it may push other paths aside. Returns
-   the exit that it leaves the band by, or DGFEM_NONE. What a vain search has reached stays marked: no later search can
-   find a way out from there either. */
-static int dgfemi_find_path(dgfemi_dissection *d, int source) {
+static void dgfemi_reach(dgfemi_dissection *d, int state, int distance, int *listed) {
+    if (d->distance[state] != DGFEM_NONE) return;
+    d->distance[state] = distance;
+    d->list[(*listed)++] = state;
+}
+
+/* Distances from the part passed of all states, as the paths allow steps, up to the nearest one that the band can be
+   left from. Returns its distance, or DGFEM_NONE where no path can be added. */
+static int dgfemi_measure_band(dgfemi_dissection *d) {
     const dgfemi_graph *local = &d->local;
-    int stacked = 0, listed = 0, end = DGFEM_NONE, k;
-    dgfemi_reach(d, 2 * source, DGFEM_NONE, &stacked, &listed);
-    while (stacked > 0 && end == DGFEM_NONE) {
-        int state = d->stack[--stacked], v = state / 2, taken = d->after[v] != DGFEM_NONE;
+    int listed = 0, at, k;
+    for (at = 0; at < d->band_count; at++) {
+        int v = d->band[at];
+        d->distance[2 * v] = d->distance[2 * v + 1] = DGFEM_NONE;
+        d->next[v] = local->start[v];
+        if (dgfemi_is_source(d, v)) dgfemi_reach(d, 2 * v, 0, &listed);
+    }
+    for (at = 0; at < listed; at++) {
+        int state = d->list[at], v = state / 2, taken = d->after[v] != DGFEM_NONE, distance = d->distance[state] + 1;
         if (state % 2 == 0) {
-            if (!taken) dgfemi_reach(d, state + 1, state, &stacked, &listed);
-            else if (d->before[v] >= 0) dgfemi_reach(d, 2 * d->before[v] + 1, state, &stacked, &listed);
+            if (!taken) dgfemi_reach(d, state + 1, distance, &listed);
+            else if (d->before[v] >= 0) dgfemi_reach(d, 2 * d->before[v] + 1, distance, &listed);
             continue;
         }
-        if (d->touches[v] & 2) end = state;
-        if (taken) dgfemi_reach(d, state - 1, state, &stacked, &listed);
+        if (d->touches[v] & 2) return d->distance[state];
+        if (taken) dgfemi_reach(d, state - 1, distance, &listed);
         for (k = local->start[v]; k < local->start[v + 1]; k++) {
             int u = local->neighbour[k];
-            if (d->level[u] != DGFEM_NONE) dgfemi_reach(d, 2 * u, state, &stacked, &listed);
+            if (d->level[u] != DGFEM_NONE) dgfemi_reach(d, 2 * u, distance, &listed);
         }
     }
-    if (end != DGFEM_NONE)
-        while (listed > 0) d->reached[d->list[--listed]] = 0;
-    return end;
+    return DGFEM_NONE;
+}
+
+/* The next state that a search goes on to from this one: one step farther, not visited since the distances were
+   measured. DGFEM_NONE where there is none. */
+static int dgfemi_step_on(dgfemi_dissection *d, int state) {
+    const dgfemi_graph *local = &d->local;
+    int v = state / 2, taken = d->after[v] != DGFEM_NONE, distance = -2 - d->distance[state] + 1;
+    if (state % 2 == 0) {
+        int only = !taken ? state + 1 : d->before[v] >= 0 ? 2 * d->before[v] + 1 : DGFEM_NONE;
+        return only != DGFEM_NONE && d->distance[only] == distance ? only : DGFEM_NONE;
+    }
+    if (taken && d->distance[state - 1] == distance) return state - 1;
+    while (d->next[v] < local->start[v + 1]) {
+        int u = local->neighbour[d->next[v]++];
+        if (d->level[u] != DGFEM_NONE && d->distance[2 * u] == distance) return 2 * u;
+    }
+    return DGFEM_NONE;
+}
+
+/* A path from a vertex that touches the part passed, by steps that lead away from there; it may push other paths
+   aside. Returns the exit that it leaves the band by, at distance `end`, or DGFEM_NONE. No state is on two paths, so
+   what has been visited is no way for later searches: its distance d becomes -2 - d. */
+static int dgfemi_find_path(dgfemi_dissection *d, int source, int end) {
+    int stacked = 0, state = 2 * source, from = DGFEM_NONE;
+    if (d->distance[state] != 0) return DGFEM_NONE;
+    for (;;) {
+        if (state != DGFEM_NONE) {
+            int distance = d->distance[state];
+            d->from[state] = from;
+            d->distance[state] = -2 - distance;
+            if (state % 2 == 1 && distance == end && (d->touches[state / 2] & 2)) return state;
+            d->stack[stacked++] = state;
+        } else if (--stacked == 0) {
+            return DGFEM_NONE;
+        }
+        from = d->stack[stacked - 1];
+        state = dgfemi_step_on(d, from);
+    }
 }
 
 /* Takes the path found into the set: first unlinks the steps that it goes against, then links its own. */
@@ -645,18 +692,19 @@ static void dgfemi_take_path(dgfemi_dissection *d, int last) {
    here, by their weights in the cost. */
 static int dgfemi_narrow_separator(dgfemi_dissection *d, int depth, double *cost) {
     double weight[3] = {0, 0, 0}, new_cost;
-    int i;
+    int i, end;
     dgfemi_collect_band(d, depth);
-    for (i = 0; i < d->band_count; i++) {
-        int source = d->band[i], path = DGFEM_NONE;
-        if (d->touches[source] & 1) path = dgfemi_find_path(d, source);
-        if (path != DGFEM_NONE) dgfemi_take_path(d, path);
-    }
+    while ((end = dgfemi_measure_band(d)) != DGFEM_NONE)
+        for (i = 0; i < d->band_count; i++) {
+            int source = d->band[i], path = DGFEM_NONE;
+            if (dgfemi_is_source(d, source)) path = dgfemi_find_path(d, source, end);
+            if (path != DGFEM_NONE) dgfemi_take_path(d, path);
+        }
     for (i = 0; i < d->band_count; i++) {
         int v = d->band[i];
         d->side[v] = DGFEM_SIDE_AHEAD;
-        if (d->reached[2 * v] || (d->touches[v] & 1))
-            d->side[v] = d->reached[2 * v + 1] ? DGFEM_SIDE_PASSED : DGFEM_SIDE_SEPARATOR;
+        if (d->distance[2 * v] != DGFEM_NONE || (d->touches[v] & 1))
+            d->side[v] = d->distance[2 * v + 1] != DGFEM_NONE ? DGFEM_SIDE_PASSED : DGFEM_SIDE_SEPARATOR;
     }
     for (i = 0; i < d->local.count; i++) weight[d->side[i]] += d->local.weight[i];
     new_cost = dgfemi_cut_cost(weight[DGFEM_SIDE_SEPARATOR], weight[DGFEM_SIDE_PASSED], weight[DGFEM_SIDE_AHEAD]);
@@ -671,7 +719,7 @@ static int dgfemi_narrow_separator(dgfemi_dissection *d, int depth, double *cost
 /* ---- the recursion ---- */
 
 static int dgfemi_dissection_allocate(dgfemi_dissection *d, dgfemi_arena *arena) {
-    int **arrays[DGFEM_DIRECTIONS + 18];
+    int **arrays[DGFEM_DIRECTIONS + 20];
     size_t n = (size_t)d->graph->count;
     int count = 0, i;
     for (i = 0; i < DGFEM_DIRECTIONS; i++) arrays[count++] = &d->sorted[i];
@@ -679,10 +727,11 @@ static int dgfemi_dissection_allocate(dgfemi_dissection *d, dgfemi_arena *arena)
     arrays[count++] = &d->part, arrays[count++] = &d->number, arrays[count++] = &d->rank;
     arrays[count++] = &d->local.start, arrays[count++] = &d->local.weight;
     arrays[count++] = &d->scratch, arrays[count++] = &d->band, arrays[count++] = &d->level;
-    arrays[count++] = &d->before, arrays[count++] = &d->after;
-    arrays[count++] = &d->stack, arrays[count++] = &d->list, arrays[count++] = &d->from; /* twice as long */
+    arrays[count++] = &d->before, arrays[count++] = &d->after, arrays[count++] = &d->next;
+    arrays[count++] = &d->stack, arrays[count++] = &d->list, arrays[count++] = &d->from; /* these are twice as long */
+    arrays[count++] = &d->distance;
     for (i = 0; i < count; i++) {
-        *arrays[i] = (int *)dgfemi_arena_allocate(arena, i < count - 3 ? n + 2 : 2 * n, sizeof(int));
+        *arrays[i] = (int *)dgfemi_arena_allocate(arena, i < count - 4 ? n + 2 : 2 * n, sizeof(int));
         if (!*arrays[i]) return 0;
     }
     memset(d->part, 0, n * sizeof(int));
@@ -691,8 +740,7 @@ static int dgfemi_dissection_allocate(dgfemi_dissection *d, dgfemi_arena *arena)
     d->best_side = (unsigned char *)dgfemi_arena_allocate(arena, n, 1);
     d->old_side = (unsigned char *)dgfemi_arena_allocate(arena, n, 1);
     d->touches = (unsigned char *)dgfemi_arena_allocate(arena, n, 1);
-    d->reached = (unsigned char *)dgfemi_arena_allocate(arena, 2 * n, 1);
-    return d->local.neighbour && d->side && d->best_side && d->old_side && d->touches && d->reached;
+    return d->local.neighbour && d->side && d->best_side && d->old_side && d->touches;
 }
 
 /* Lists the vertices along all directions. 0 when out of memory. */
@@ -722,18 +770,18 @@ static void dgfemi_split_list(dgfemi_dissection *d, int *list, int count, const 
 static double dgfemi_find_separator(dgfemi_dissection *d, int first, double total) {
     dgfemi_cut cuts[DGFEM_DIRECTIONS];
     double best_cost = DGFEM_NO_CUT;
-    int trial, i;
+    int trials = d->local.count >= d->graph->count / DGFEM_TRIED_PARTS ? DGFEM_TRIALS : 1, trial, i;
     for (i = 0; i < DGFEM_DIRECTIONS; i++) {
         cuts[i].cost = DGFEM_NO_CUT;
         dgfemi_sweep(d, i, first, total, &cuts[i]);
     }
-    for (trial = 0; trial < DGFEM_TRIALS; trial++) {
+    for (trial = 0; trial < trials; trial++) {
         dgfemi_cut *best = &cuts[0];
         double cost;
         for (i = 1; i < DGFEM_DIRECTIONS; i++)
             if (cuts[i].cost < best->cost * (1 - 1e-12)) best = &cuts[i];
         cost = best->cost;
-        if (!(cost < DGFEM_NO_CUT)) break;
+        if (!(cost < DGFEM_NO_CUT) || cost > best_cost * DGFEM_HOPELESS) break;
         dgfemi_apply_cut(d, first, best);
         best->cost = DGFEM_NO_CUT;
         for (i = 0; i < 4; i++) /* twice in a band that follows the cut closely, then twice in a wider one */

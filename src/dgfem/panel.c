@@ -3,9 +3,9 @@
 /* Panels of the Cholesky factor, and the instruction sets that their dense kernels are compiled for and chosen from.
 
    A panel is what one supernode has of L: a lower triangle D over a rectangle B, of the same columns. It is stored in
-   strips of rows (see kernels.c), first those of D, then those of B, each padded with rows of zeros to whole strips.
-   D's diagonal holds the reciprocals of L's. The update U of a supernode is stored in strips of the same size, each
-   with the columns up to its own last row. */
+   strips of rows (see kernels.c), first those of D, each with the columns up to its own last row, then those of B; both
+   are padded with rows of zeros to whole strips. D's diagonal holds the reciprocals of L's. The update U of a supernode
+   is stored in strips of the same size, as D is. */
 
 typedef struct dgfemi_panel {
     dgfem_real *values;
@@ -35,6 +35,24 @@ typedef struct dgfemi_entry {
     int front_row, front_column, transposed;
 } dgfemi_entry;
 
+/* Small matrices and vectors for assembly: a 3x3 matrix takes three rows of four numbers and fills whole vectors of every
+   path, a vector takes four numbers. The fourth ones, and those that fill up, are zeros. */
+enum {
+    DGFEM_MATRIX_STRIDE = 16,
+    DGFEM_VECTOR_STRIDE = 4,
+    DGFEM_MATRICES_IN_A_ROW = 20
+};
+
+/* Rows of 3x3 matrices, each the sum of `inner` (2, 8 or 9) ones, those of b, with factors in a: row i has `count` of
+   them, or i + 1 if that is 0. Its factors begin `step` + i `growth` numbers behind those of row i - 1. They are added
+   to a row-major block whose rows have `stride` numbers. */
+typedef struct dgfemi_sums {
+    const dgfem_real *a, *b[3]; /* b: the first two, three more, the rest */
+    int inner, rows, count, step, growth;
+    dgfem_real *out;
+    int stride, room; /* numbers from `out` to the end of its row */
+} dgfemi_sums;
+
 /* The kernels for one instruction set. Ranges are of strips, or of segments. */
 typedef struct dgfemi_kernels {
     dgfem_simd simd;
@@ -49,10 +67,11 @@ typedef struct dgfemi_kernels {
     void (*solve_panel_transposed)(const dgfemi_panel *p, dgfem_real *x, const dgfem_real *below, dgfem_real *sums);
     void (*multiply_block)(const dgfem_real *a, int rows, int columns, const dgfem_real *x, dgfem_real *y,
                            const dgfem_real *z, dgfem_real *w);
-    void (*combine)(const dgfem_real *a, int rows, int inner, const dgfem_real *b, dgfem_real *out);
+    void (*add_matrices)(const dgfemi_sums *sums);
+    void (*set_elastic)(dgfem_real lambda, dgfem_real mu, const dgfem_real *u, const dgfem_real *v, dgfem_real *k);
+    void (*transform)(const dgfem_real *k, int count, const dgfem_real *v, dgfem_real *out);
+    void (*add_vectors)(const dgfem_real **parts, int count, const dgfem_real *b, dgfem_real *out);
 } dgfemi_kernels;
-
-enum { DGFEM_MATRIX_STRIDE = 16 }; /* a 3x3 matrix in whole vectors of every path */
 
 #ifdef DGFEM_USE_BLAS
 # include <cblas.h>
@@ -86,6 +105,7 @@ static int dgfemi_pivot_is_good(dgfem_real pivot, dgfem_real diagonal) {
 /* ---- plain C ---- */
 
 #define DGFEM_PATH(name) name##_plain
+#define DGFEM_FOUR(name) name##_plain
 #define DGFEM_PATH_ID DGFEM_SIMD_NONE
 #define DGFEM_VECTOR dgfem_real
 #define DGFEM_V_LANES 1
@@ -114,6 +134,7 @@ static int dgfemi_pivot_is_good(dgfem_real pivot, dgfem_real diagonal) {
 #endif
 
 #define DGFEM_PATH(name) name##_sse2
+#define DGFEM_FOUR(name) name##_sse2
 #define DGFEM_PATH_ID DGFEM_SIMD_SSE2
 #define DGFEM_VECTORS 2
 #define DGFEM_TILE 4
@@ -141,6 +162,11 @@ static int dgfemi_pivot_is_good(dgfem_real pivot, dgfem_real diagonal) {
 #pragma GCC target("avx2,fma")
 #endif
 #define DGFEM_PATH(name) name##_avx2
+#if DGFEM_REAL_IS_FLOAT
+#define DGFEM_FOUR(name) name##_sse2
+#else
+#define DGFEM_FOUR(name) name##_avx2
+#endif
 #define DGFEM_PATH_ID DGFEM_SIMD_AVX2
 #define DGFEM_VECTORS 3
 #define DGFEM_TILE 4
@@ -173,6 +199,11 @@ static int dgfemi_pivot_is_good(dgfem_real pivot, dgfem_real diagonal) {
 #pragma GCC target("avx512f,fma")
 #endif
 #define DGFEM_PATH(name) name##_avx512
+#if DGFEM_REAL_IS_FLOAT
+#define DGFEM_FOUR(name) name##_sse2
+#else
+#define DGFEM_FOUR(name) name##_avx2
+#endif
 #define DGFEM_PATH_ID DGFEM_SIMD_AVX512
 #define DGFEM_VECTORS 3
 #define DGFEM_TILE 8
@@ -214,6 +245,7 @@ static int dgfemi_pivot_is_good(dgfem_real pivot, dgfem_real diagonal) {
 #define DGFEM_V_LANES 2
 #endif
 #define DGFEM_PATH(name) name##_neon
+#define DGFEM_FOUR(name) name##_neon
 #define DGFEM_PATH_ID DGFEM_SIMD_NEON
 #define DGFEM_VECTORS 4
 #define DGFEM_TILE 4
@@ -239,6 +271,7 @@ static int dgfemi_pivot_is_good(dgfem_real pivot, dgfem_real diagonal) {
 #define DGFEM_V_LANES 2
 #endif
 #define DGFEM_PATH(name) name##_wasm
+#define DGFEM_FOUR(name) name##_wasm
 #define DGFEM_PATH_ID DGFEM_SIMD_WASM
 #define DGFEM_VECTOR v128_t
 #define DGFEM_VECTORS 2

@@ -553,7 +553,10 @@ static void dgfemi_renewal_accept(dgfemi_renewal *r) {
         condition->values = r->values[c];
     }
     *body = r->next;
-    if (r->solver_kept && body->step_solver) body->step_solver->is_factored = 0; /* elements may have changed places */
+    if (r->solver_kept && body->step_solver) { /* elements may have changed places */
+        body->step_solver->is_factored = 0;
+        body->step_solver->past_count = 0;
+    }
     body->desc.mesh = body->mesh;
     r->edit->mesh = last.mesh; /* which is freed with the edit */
     dgfemi_update_force(body);

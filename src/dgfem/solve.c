@@ -168,6 +168,7 @@ static dgfem_status dgfemi_step(dgfem_body *body, dgfem_real h, dgfem_step_info 
     if (!status) status = dgfemi_check_solution(body, v);
     if (status) return status;
     dgfemi_hold_elements(body, h, 1, NULL, v);
+    if (body->step_solver) dgfemi_remember_change(body);
     for (int i = 0; i < body->basis_count; i++) {
         body->change[i] = dgfemi_sub(v[i], body->velocity[i]);
         body->displacement[i] = dgfemi_add_scaled(body->displacement[i], h, v[i]);

@@ -477,17 +477,32 @@ static int dgfemi_make_tasks(dgfem_cholesky *c) {
     return 1;
 }
 
+/* Reals of `rows` rows of a lower triangle in strips, the last of which ends with the last column. */
+static size_t dgfemi_triangle_size(int rows, int strip) {
+    size_t whole = rows > 0 ? (size_t)((rows - 1) / strip) : 0, size = (size_t)strip;
+    size_t before = whole % 2 ? dgfemi_add_product(0, whole * size, (whole + 1) / 2 * size)
+                              : dgfemi_add_product(0, whole / 2 * size, (whole + 1) * size);
+    return dgfemi_add_product(before, size, (size_t)rows);
+}
+
+/* A panel's reals. */
+static size_t dgfemi_panel_size(const dgfem_cholesky *c, const dgfemi_supernode *super) {
+    int strip = c->kernels->strip;
+    return dgfemi_add_product(dgfemi_triangle_size(super->width, strip), (size_t)super->width,
+                              (size_t)dgfemi_whole_strips(super->height, strip) * (size_t)strip);
+}
+
+/* Tiles may write beyond the last column, up to the end of the strip's own rows. */
 static size_t dgfemi_update_size(const dgfem_cholesky *c, const dgfemi_supernode *super) {
-    size_t strip = (size_t)c->kernels->strip, strips = (size_t)dgfemi_whole_strips(super->height, c->kernels->strip);
-    return strips % 2 ? dgfemi_add_product(0, strips * strip, (strips + 1) / 2 * strip)
-                      : dgfemi_add_product(0, strips / 2 * strip, (strips + 1) * strip);
+    int strip = c->kernels->strip;
+    return dgfemi_triangle_size(dgfemi_whole_strips(super->height, strip) * strip, strip);
 }
 
 /* Places the updates that the supernodes of one task (or those above all tasks) pass to each other on two stacks, for
-   even and odd depths: a front writes its own to one while those of its children are still on the other, and then
-   drops them from the top. Returns where the memory after them begins. */
+   even and odd depths, that grow towards each other: a front writes its own to one while those of its children are still
+   on the other, and then drops them from the top. Returns where the memory after them begins. */
 static size_t dgfemi_place_updates(dgfem_cholesky *c, int first, int last, int task, const int *odd, size_t used) {
-    size_t top[2] = {0, 0}, peak[2] = {0, 0};
+    size_t top[2] = {0, 0}, most = 0;
     int s, t;
     for (s = first; s < last; s++) {
         dgfemi_supernode *super = c->supernodes + s;
@@ -498,17 +513,18 @@ static size_t dgfemi_place_updates(dgfem_cholesky *c, int first, int last, int t
         if (super->parent != DGFEM_NONE && c->supernodes[super->parent].task == task) {
             super->update = top[own];
             top[own] = dgfemi_add_product(top[own], dgfemi_update_size(c, super), 1);
-            if (top[own] > peak[own]) peak[own] = top[own];
+            if (dgfemi_add_product(top[0], top[1], 1) > most) most = dgfemi_add_product(top[0], top[1], 1);
         }
         if (t != DGFEM_NONE) top[!own] = c->supernodes[t].update; /* of the first child of the same kind */
     }
+    used = dgfemi_add_product(used, most, 1);
     for (s = first; s < last; s++) {
         dgfemi_supernode *super = c->supernodes + s;
         if (super->task != task || super->parent == DGFEM_NONE || c->supernodes[super->parent].task != task) continue;
-        super->update = dgfemi_add_product(super->update, 1, used);
-        if (odd[s]) super->update = dgfemi_add_product(super->update, 1, peak[0]);
+        if (odd[s]) super->update = used - super->update - dgfemi_update_size(c, super);
+        else super->update = used - most + super->update;
     }
-    return dgfemi_add_product(dgfemi_add_product(used, peak[0], 1), peak[1], 1);
+    return used;
 }
 
 /* Places all updates. Returns the room they need. */
@@ -553,7 +569,7 @@ static int dgfemi_plan_memory(dgfem_cholesky *c, const dgfemi_analysis *a) {
         dgfemi_supernode *super = c->supernodes + s;
         int d = dgfemi_whole_strips(super->width, strip), b = dgfemi_whole_strips(super->height, strip);
         super->values = values;
-        values = dgfemi_add_product(values, (size_t)super->width, (size_t)(d + b) * (size_t)strip);
+        values = dgfemi_add_product(values, dgfemi_panel_size(c, super), 1);
         if (d > own) own = d;
         if (b > below) below = b;
         if (dgfemi_is_for_blas(super) && (size_t)super->width * (size_t)super->height > packed)

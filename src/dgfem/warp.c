@@ -127,12 +127,11 @@ static dgfem_mat3 dgfemi_penalty_block(dgfem_real s, dgfem_real a, dgfem_real b,
     return p;
 }
 
-static void dgfemi_warp_face_penalty(const dgfem_body *body, dgfemi_warped_face *face) {
+/* Of the stiffer side. */
+static void dgfemi_warp_face_penalty(const dgfem_body *body, const dgfem_real *lambdas, const dgfem_real *mus,
+                                     dgfemi_warped_face *face) {
     const dgfemi_face_form *form = face->form;
-    int b = form->element[1] == DGFEM_NONE ? form->element[0] : form->element[1];
-    const dgfem_material *ma = &body->material[form->element[0]], *mb = &body->material[b];
-    dgfem_real mu = dgfemi_max(dgfemi_mu(ma), dgfemi_mu(mb));
-    dgfem_real lambda = dgfemi_max(dgfemi_lambda(ma), dgfemi_lambda(mb));
+    dgfem_real mu = dgfemi_max(mus[0], mus[1]), lambda = dgfemi_max(lambdas[0], lambdas[1]);
     dgfem_mat3 n;
     memset(&n, 0, sizeof n);
     dgfemi_add_outer(&n, DGFEM_R(0.5), face->normal[0], face->normal[0]);
@@ -152,6 +151,7 @@ static void dgfemi_warp_face(const dgfem_body *body, const dgfemi_face_form *for
                              dgfemi_warped_face *face) {
     const dgfem_forms *forms = body->forms;
     dgfem_vec3 n = body->mesh->faces[form->face].normal;
+    dgfem_real lambda[2], mu[2];
     face->form = form;
     face->held = n;
     face->sides = form->count[0] + form->count[1];
@@ -162,11 +162,12 @@ static void dgfemi_warp_face(const dgfem_body *body, const dgfemi_face_form *for
         const dgfem_mat3 *r = &rotation[element];
         const dgfem_material *m = &body->material[element];
         face->normal[s] = dgfemi_multiply(r, n);
-        face->lambda[s] = -form->weight * dgfemi_lambda(m);
-        face->mu[s] = -form->weight * dgfemi_mu(m);
+        lambda[s] = dgfemi_lambda(m), mu[s] = dgfemi_mu(m);
+        face->lambda[s] = -form->weight * lambda[s];
+        face->mu[s] = -form->weight * mu[s];
         face->rotation[s] = r;
     }
-    dgfemi_warp_face_penalty(body, face);
+    dgfemi_warp_face_penalty(body, lambda, mu, face);
 }
 
 /* The integrals of functions i >= j, counting those of both sides. */
@@ -175,32 +176,20 @@ static const dgfem_real *dgfemi_face_pair(const dgfemi_warped_face *face, int i,
 }
 
 /* q^s_ij: i counts the functions of both sides, j >= 1 those of side s. */
-static dgfem_vec3 dgfemi_face_integral(const dgfemi_warped_face *face, int s, int i, int j) {
+static const dgfem_real *dgfemi_face_integral(const dgfemi_warped_face *face, int s, int i, int j) {
     int k = s ? face->form->count[0] + j : j;
-    const dgfem_real *q = i >= k ? dgfemi_face_pair(face, i, k) + 2 : dgfemi_face_pair(face, k, i) + 5;
-    return dgfemi_vec3(q[0], q[1], q[2]);
+    return i >= k ? dgfemi_face_pair(face, i, k) + 2 : dgfemi_face_pair(face, k, i) + 5;
 }
 
 /* That rotated. */
 static dgfem_vec3 dgfemi_face_traction(const dgfemi_warped_face *face, int s, int i, int j) {
-    return dgfemi_multiply(face->rotation[s], dgfemi_face_integral(face, s, i, j));
+    const dgfem_real *q = dgfemi_face_integral(face, s, i, j);
+    return dgfemi_multiply(face->rotation[s], dgfemi_vec3(q[0], q[1], q[2]));
 }
 
 /* Row vector of K1'_ij where only the component along `held` is kept: K1'_ij = held w^T. */
 static dgfem_vec3 dgfemi_held_row(const dgfemi_warped_face *face, int s, dgfem_vec3 q) {
     return dgfemi_elastic_image(face->lambda[s], face->mu[s], q, face->normal[s], face->held);
-}
-
-/* k += K1'_ij, with q the traction vector of i and j */
-static void dgfemi_add_consistency(const dgfemi_warped_face *face, int s, dgfem_vec3 q, dgfem_mat3 *k) {
-    if (face->form->normal_only) dgfemi_add_outer(k, 1, face->held, dgfemi_held_row(face, s, q));
-    else dgfemi_add_elastic(face->lambda[s], face->mu[s], face->normal[s], q, k);
-}
-
-/* k += K1'_ij^T */
-static void dgfemi_add_adjoint(const dgfemi_warped_face *face, int s, dgfem_vec3 q, dgfem_mat3 *k) {
-    if (face->form->normal_only) dgfemi_add_outer(k, 1, dgfemi_held_row(face, s, q), face->held);
-    else dgfemi_add_elastic(face->lambda[s], face->mu[s], q, face->normal[s], k);
 }
 
 /* K1'_ij v */
@@ -235,138 +224,176 @@ DGFEM_INLINE void dgfemi_add_block(dgfem_real *out, int columns, const dgfem_rea
     for (int p = 0; p < 3; p++, out += columns, k += 3) out[0] += k[0], out[1] += k[1], out[2] += k[2];
 }
 
-/* out += k^T */
-DGFEM_INLINE void dgfemi_add_block_transposed(dgfem_real *out, int columns, const dgfem_real *k) {
-    for (int p = 0; p < 3; p++, out += columns, k++) out[0] += k[0], out[1] += k[3], out[2] += k[6];
+/* One assembly. It goes through the matrix row by row, so that what it adds to is in cache: a face comes with the row of
+   its later element. Of several threads each has its chunks of rows; then a face between two chunks is computed for both
+   of them, for the earlier one after all others. So every block and every force receives its parts in the same order,
+   whatever the chunks. */
+typedef struct dgfemi_assembly {
+    const dgfem_body *body;
+    const dgfem_mat3 *rotation;
+    dgfem_real scale, factor;
+    dgfem_matrix *matrix;
+    dgfem_vec3 *f0; /* or NULL */
+    const dgfemi_kernels *kernels;
+    int late[DGFEM_MOST_CHUNKS]; /* the first face between each chunk and a later one, or DGFEM_NONE */
+} dgfemi_assembly;
+
+/* The matrices that the integrals of a pair of functions belong to: those of the penalty; of the tractions of each side,
+   for the columns of a pair; their transposes, for its rows. And what the tractions make of (R - I) X0_j: a vector for
+   each j and entry. */
+typedef struct dgfemi_face_terms {
+    dgfem_real penalty[2 * DGFEM_MATRIX_STRIDE];
+    dgfem_real traction[2][3 * DGFEM_MATRIX_STRIDE], adjoint[2][3 * DGFEM_MATRIX_STRIDE];
+    dgfem_real rest[2 * 9 * DGFEM_VECTOR_STRIDE];
+} dgfemi_face_terms;
+
+/* The same of an element, for each entry of G. */
+typedef struct dgfemi_element_terms {
+    dgfem_real entry[9 * DGFEM_MATRIX_STRIDE];
+    dgfem_real rest[27 * DGFEM_VECTOR_STRIDE];
+} dgfemi_element_terms;
+
+static void dgfemi_set_four(dgfem_vec3 v, dgfem_real *four) {
+    four[0] = v.x, four[1] = v.y, four[2] = v.z, four[3] = 0;
+}
+
+/* k = held w^T, and its transpose, where only the component along `held` is kept. */
+static void dgfemi_set_held(const dgfemi_warped_face *face, int s, dgfem_vec3 q, dgfem_real *k,
+                            dgfem_real *transposed) {
+    dgfem_vec3 row = dgfemi_held_row(face, s, q);
+    for (int p = 0; p < 9; p++)
+        transposed[4 * (p % 3) + p / 3] = k[4 * (p / 3) + p % 3] =
+            dgfemi_axis(face->held, p / 3) * dgfemi_axis(row, p % 3);
+}
+
+/* Of the tractions of side s. */
+static void dgfemi_set_tractions(const dgfemi_assembly *a, const dgfemi_warped_face *face, int s,
+                                 dgfemi_face_terms *terms) {
+    dgfem_real normal[4], q[3][4], lambda = face->lambda[s], mu = face->mu[s];
+    dgfem_vec3 change[3];
+    dgfemi_set_four(face->normal[s], normal);
+    for (int d = 0; d < 3; d++)
+        dgfemi_set_four(dgfemi_scale(a->scale, dgfemi_column(face->rotation[s], d)), q[d]);
+    for (int d = 0; d < 3; d++) {
+        dgfem_real *k = terms->traction[s] + d * DGFEM_MATRIX_STRIDE;
+        dgfem_real *transposed = terms->adjoint[s] + d * DGFEM_MATRIX_STRIDE;
+        if (face->form->normal_only) {
+            dgfemi_set_held(face, s, dgfemi_vec3(q[d][0], q[d][1], q[d][2]), k, transposed);
+        } else {
+            a->kernels->set_elastic(lambda, mu, normal, q[d], k);
+            a->kernels->set_elastic(lambda, mu, q[d], normal, transposed);
+        }
+    }
+    if (!a->f0 || !a->body->desc.warp) return;
+    dgfemi_rotated_rest(face->rotation[s], a->body->scale[face->form->element[s]] / a->scale, change);
+    for (int j = 0; j < 3; j++)
+        a->kernels->transform(terms->adjoint[s], 3, &change[j].x, terms->rest + (9 * s + 3 * j) * DGFEM_VECTOR_STRIDE);
+}
+
+static void dgfemi_set_terms(const dgfemi_assembly *a, const dgfemi_warped_face *face, dgfemi_face_terms *terms) {
+    for (int p = 0; p < 3; p++)
+        for (int q = 0; q < 3; q++) {
+            terms->penalty[4 * p + q] = a->scale * face->penalty_stiff.m[p][q];
+            terms->penalty[DGFEM_MATRIX_STRIDE + 4 * p + q] = a->scale * face->penalty_rest.m[p][q];
+        }
+    for (int s = 0; s < 2; s++)
+        if (dgfemi_form_has_traction(face->form, s)) dgfemi_set_tractions(a, face, s, terms);
+}
+
+static dgfem_real *dgfemi_diagonal_block(const dgfem_matrix *matrix, int row) {
+    return matrix->values + matrix->value_start[dgfemi_diagonal_index(matrix, row)];
 }
 
 /* The lower triangle of K_w of an element: with r_c the columns of R, the entry G_cd belongs to
-   lambda r_c r_d^T + mu r_d r_c^T + mu (r_c.r_d) I. */
-static void dgfemi_assemble_element(const dgfem_body *body, int element, const dgfem_mat3 *r, dgfem_real s,
-                                    const dgfemi_kernels *kernels, dgfem_matrix *matrix) {
+   lambda r_c r_d^T + mu r_d r_c^T + mu (r_c.r_d) I. And f0. */
+static void dgfemi_assemble_element(const dgfemi_assembly *a, int element, dgfemi_element_terms *terms) {
+    const dgfem_body *body = a->body;
     const dgfemi_element_form *form = &body->forms->elements[element];
-    const dgfem_real *g = dgfemi_form_stiffness(body->forms, element);
+    const dgfem_real *g = dgfemi_form_stiffness(body->forms, element), *parts[9];
     const dgfem_material *m = &body->material[element];
-    dgfem_real lambda = s * dgfemi_lambda(m), mu = s * dgfemi_mu(m);
-    dgfem_real terms[9 * DGFEM_MATRIX_STRIDE] = {0}, k[DGFEM_MAX_BASIS * DGFEM_MATRIX_STRIDE];
-    dgfem_real *out = dgfem_matrix_block(matrix, element, element);
-    int columns = 3 * form->count;
-    for (int c = 0; c < 9; c++) {
-        dgfem_mat3 term;
-        memset(&term, 0, sizeof term);
-        dgfemi_add_elastic(lambda, mu, dgfemi_column(r, c / 3), dgfemi_column(r, c % 3), &term);
-        memcpy(terms + c * DGFEM_MATRIX_STRIDE, &term, sizeof term);
-    }
-    for (int i = 1; i < form->count; i++, g += 9 * (form->count - 1)) {
-        kernels->combine(g, i, 9, terms, k);
-        for (int j = 1; j <= i; j++)
-            dgfemi_add_block(out + 3 * (i * columns + j), columns, k + (j - 1) * DGFEM_MATRIX_STRIDE);
+    dgfem_real lambda = a->scale * dgfemi_lambda(m), mu = a->scale * dgfemi_mu(m), r[3][4];
+    dgfem_vec3 change[3], *f0 = a->f0 && body->desc.warp ? a->f0 + body->basis_start[element] : NULL;
+    dgfemi_sums sums;
+    int n = 3 * form->count;
+    for (int c = 0; c < 3; c++) dgfemi_set_four(dgfemi_column(&a->rotation[element], c), r[c]);
+    for (int c = 0; c < 9; c++)
+        a->kernels->set_elastic(lambda, mu, r[c / 3], r[c % 3], terms->entry + c * DGFEM_MATRIX_STRIDE);
+    memset(&sums, 0, sizeof sums);
+    sums.a = g, sums.b[0] = terms->entry, sums.b[1] = terms->entry + 2 * DGFEM_MATRIX_STRIDE;
+    sums.b[2] = terms->entry + 5 * DGFEM_MATRIX_STRIDE;
+    sums.inner = 9, sums.rows = form->count - 1, sums.step = 9 * (form->count - 1);
+    sums.out = dgfemi_diagonal_block(a->matrix, element) + 3 * n + 3, sums.stride = n, sums.room = n - 3;
+    a->kernels->add_matrices(&sums);
+    if (!f0) return;
+    dgfemi_rotated_rest(&a->rotation[element], body->scale[element] / a->scale, change);
+    for (int c = 0; c < 27; c++) /* the transpose of G_cd's matrix is that of G_dc */
+        a->kernels->transform(terms->entry + (c % 3 * 3 + c / 3 % 3) * DGFEM_MATRIX_STRIDE, 1, &change[c / 9].x,
+                              terms->rest + c * DGFEM_VECTOR_STRIDE);
+    for (int i = 1; i < form->count; i++, g += sums.step) {
+        for (int c = 0; c < 9; c++) parts[c] = g + 3 * c;
+        a->kernels->add_vectors(parts, 9, terms->rest, &f0[i].x);
     }
 }
 
 /* Diagonal blocks are summed in their lower triangles. */
-static void dgfemi_mirror_diagonal(dgfem_matrix *matrix) {
-    for (int r = 0; r < matrix->block_count; r++) {
-        int n = dgfemi_block_size(matrix, r);
-        dgfem_real *block = matrix->values + matrix->value_start[dgfemi_diagonal_index(matrix, r)];
-        for (int i = 0; i < n; i++)
-            for (int j = 0; j < i; j++) block[j * n + i] = block[i * n + j];
-    }
+static void dgfemi_mirror_diagonal(const dgfem_matrix *matrix, int row) {
+    dgfem_real *block = dgfemi_diagonal_block(matrix, row);
+    int n = dgfemi_block_size(matrix, row);
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < i; j++) block[j * n + i] = block[i * n + j];
 }
 
-/* f0 of an element, in its own frame until the end: R K R^T (R - I) X0 = R K (I - R^T) X0. */
-static void dgfemi_element_rest_force(const dgfem_body *body, int element, const dgfem_mat3 *r, dgfem_vec3 *f0) {
-    const dgfemi_element_form *form = &body->forms->elements[element];
-    const dgfem_real *g = dgfemi_form_stiffness(body->forms, element);
-    const dgfem_material *m = &body->material[element];
-    dgfem_real lambda = dgfemi_lambda(m), mu = dgfemi_mu(m);
-    dgfem_vec3 rest[3];
-    dgfemi_rotated_rest(r, body->scale[element], rest);
-    for (int j = 0; j < 3; j++) rest[j] = dgfemi_multiply_transposed(r, rest[j]);
-    f0 += body->basis_start[element];
-    for (int i = 1; i < form->count; i++, g += 9 * (form->count - 1)) {
-        dgfem_vec3 sum = dgfemi_vec3(0, 0, 0);
-        for (int j = 0; j < 3; j++) sum = dgfemi_add(sum, dgfemi_element_image(g + 9 * j, lambda, mu, rest[j]));
-        f0[i] = dgfemi_add(f0[i], dgfemi_multiply(r, sum));
-    }
+/* Rows of functions of side r, and columns of side s: 00, 10 or 11; of 00 and 11 the lower triangle. */
+static dgfemi_sums dgfemi_face_sums(const dgfemi_warped_face *face, int r, int s, const dgfemi_face_terms *terms,
+                                    dgfem_real *out) {
+    const dgfemi_face_form *form = face->form;
+    int first = r ? form->count[0] : 0, column = s ? form->count[0] : 0;
+    dgfemi_sums sums;
+    sums.a = dgfemi_face_pair(face, first, column);
+    sums.b[0] = terms->penalty, sums.b[1] = terms->traction[s], sums.b[2] = terms->adjoint[r];
+    sums.inner = face->terms, sums.rows = form->count[r], sums.count = r == s ? 0 : form->count[s];
+    sums.step = first * face->terms, sums.growth = face->terms;
+    sums.out = out, sums.stride = sums.room = 3 * form->count[s];
+    return sums;
 }
 
-/* The matrices that the integrals of a pair of functions belong to, in their order: for rows of side r and columns of
-   side s = 00, 10, 11. */
-typedef struct dgfemi_face_terms {
-    dgfem_real quadrant[3][8 * DGFEM_MATRIX_STRIDE];
-} dgfemi_face_terms;
-
-static void dgfemi_set_terms(const dgfemi_warped_face *face, dgfem_real scale, dgfemi_face_terms *terms) {
-    dgfem_mat3 penalty[2], traction[2][3], adjoint[2][3];
-    memset(traction, 0, sizeof traction);
-    memset(adjoint, 0, sizeof adjoint);
-    for (int p = 0; p < 9; p++) {
-        penalty[0].m[p / 3][p % 3] = scale * face->penalty_stiff.m[p / 3][p % 3];
-        penalty[1].m[p / 3][p % 3] = scale * face->penalty_rest.m[p / 3][p % 3];
-    }
-    for (int s = 0; s < 2; s++)
-        for (int d = 0; d < 3 && dgfemi_form_has_traction(face->form, s); d++) {
-            dgfem_vec3 q = dgfemi_scale(scale, dgfemi_column(face->rotation[s], d));
-            dgfemi_add_consistency(face, s, q, &traction[s][d]);
-            dgfemi_add_adjoint(face, s, q, &adjoint[s][d]);
-        }
-    for (int k = 0; k < 3; k++) {
-        dgfem_real *to = terms->quadrant[k];
-        int r = k > 0, s = k > 1;
-        for (int t = 0; t < 2; t++, to += DGFEM_MATRIX_STRIDE) memcpy(to, &penalty[t], sizeof penalty[t]);
-        for (int d = 0; d < 3; d++, to += DGFEM_MATRIX_STRIDE) memcpy(to, &traction[s][d], sizeof traction[s][d]);
-        for (int d = 0; d < 3; d++, to += DGFEM_MATRIX_STRIDE) memcpy(to, &adjoint[r][d], sizeof adjoint[r][d]);
-    }
-}
-
-/* The lower triangle of a diagonal block: the functions first <= i < first + count of the face's. */
-static void dgfemi_assemble_face_diagonal(const dgfemi_warped_face *face, int first, int count,
-                                          const dgfem_real *terms, const dgfemi_kernels *kernels, dgfem_real *out) {
-    dgfem_real k[DGFEM_MAX_BASIS * DGFEM_MATRIX_STRIDE];
-    for (int i = 0; i < count; i++) {
-        kernels->combine(dgfemi_face_pair(face, first + i, first), i + 1, face->terms, terms, k);
-        for (int j = 0; j <= i; j++)
-            dgfemi_add_block(out + 3 * (3 * i * count + j), 3 * count, k + j * DGFEM_MATRIX_STRIDE);
-    }
+static void dgfemi_assemble_face_diagonal(const dgfemi_assembly *a, const dgfemi_warped_face *face, int s,
+                                          const dgfemi_face_terms *terms) {
+    dgfem_real *out = dgfemi_diagonal_block(a->matrix, face->form->element[s]);
+    dgfemi_sums sums = dgfemi_face_sums(face, s, s, terms, out);
+    a->kernels->add_matrices(&sums);
 }
 
 /* The block that couples both sides: rows of side 1, or where its element comes first, of side 0. */
-static void dgfemi_assemble_face_coupling(const dgfemi_warped_face *face, const dgfem_real *terms,
-                                          const dgfemi_kernels *kernels, dgfem_matrix *matrix) {
+static void dgfemi_assemble_face_coupling(const dgfemi_assembly *a, const dgfemi_warped_face *face,
+                                          const dgfemi_face_terms *terms) {
     const dgfemi_face_form *form = face->form;
-    int a = form->element[0], b = form->element[1], n = form->count[0], m = form->count[1];
-    dgfem_real k[DGFEM_MAX_BASIS * DGFEM_MATRIX_STRIDE];
-    dgfem_real *out = b > a ? dgfem_matrix_block(matrix, b, a) : dgfem_matrix_block(matrix, a, b);
-    for (int i = 0; i < m; i++) {
-        kernels->combine(dgfemi_face_pair(face, n + i, 0), n, face->terms, terms, k);
-        for (int j = 0; j < n; j++) {
-            const dgfem_real *block = k + j * DGFEM_MATRIX_STRIDE;
-            if (b > a) dgfemi_add_block(out + 3 * (3 * i * n + j), 3 * n, block);
-            else dgfemi_add_block_transposed(out + 3 * (3 * j * m + i), 3 * m, block);
-        }
-    }
+    int below = form->element[1] > form->element[0], n = 3 * form->count[0], m = 3 * form->count[1];
+    dgfem_real *out = dgfem_matrix_block(a->matrix, form->element[below], form->element[!below]);
+    dgfem_real block[9 * DGFEM_MAX_BASIS * DGFEM_MAX_BASIS];
+    dgfemi_sums sums = dgfemi_face_sums(face, 1, 0, terms, below ? out : block);
+    if (!below) memset(block, 0, (size_t)(n * m) * sizeof *block);
+    a->kernels->add_matrices(&sums);
+    for (int j = 0; j < n && !below; j++)
+        for (int i = 0; i < m; i++) out[j * m + i] += block[i * n + j];
 }
 
-/* f0 of the consistency terms of side s, for the rows of both sides: linear in the entries of q_ij, j = 1, 2, 3, too. */
-static void dgfemi_face_rest_force(const dgfem_body *body, const dgfemi_warped_face *face, int s,
-                                   const dgfem_mat3 *rotation, dgfem_vec3 *f0) {
+/* f0 of the consistency terms of both sides, for the rows of side r: linear in the entries of q_ij, j = 1, 2, 3. */
+static void dgfemi_face_rest_force(const dgfemi_assembly *a, const dgfemi_warped_face *face, int r,
+                                   const dgfem_real *rest) {
     const dgfemi_face_form *form = face->form;
-    dgfem_vec3 rest[3], terms[9];
-    int element = form->element[s];
-    dgfemi_rotated_rest(&rotation[element], body->scale[element], rest);
-    for (int c = 0; c < 9; c++)
-        terms[c] = dgfemi_consistency_image(face, s, dgfemi_column(&rotation[element], c % 3), rest[c / 3]);
-    for (int r = 0; r < 2 && form->element[r] != DGFEM_NONE; r++) {
-        dgfem_vec3 *out = f0 + body->basis_start[form->element[r]];
-        for (int i = 0; i < form->count[r]; i++) {
-            for (int j = 0; j < 3; j++) {
-                dgfem_vec3 q = dgfemi_face_integral(face, s, r ? form->count[0] + i : i, j + 1);
-                out[i] = dgfemi_add_scaled(out[i], q.x, terms[3 * j]);
-                out[i] = dgfemi_add_scaled(out[i], q.y, terms[3 * j + 1]);
-                out[i] = dgfemi_add_scaled(out[i], q.z, terms[3 * j + 2]);
-            }
-        }
+    dgfem_vec3 *f0 = a->f0 + a->body->basis_start[form->element[r]];
+    const dgfem_real *columns[6], *parts[6];
+    int count = form->element[1] == DGFEM_NONE ? 3 : 6, first = r ? form->count[0] : 0, column[6];
+    for (int c = 0; c < count; c++) {
+        column[c] = c < 3 ? 1 + c : form->count[0] + c - 2;
+        columns[c] = dgfemi_face_pair(face, column[c], 0) + 5;
+    }
+    for (int i = 0; i < form->count[r]; i++) {
+        const dgfem_real *row = dgfemi_face_pair(face, first + i, 0) + 2;
+        for (int c = 0; c < count; c++)
+            parts[c] = first + i >= column[c] ? row + 8 * column[c] : columns[c] + 8 * (first + i);
+        a->kernels->add_vectors(parts, count, rest, &f0[i].x);
     }
 }
 
@@ -386,50 +413,133 @@ static void dgfemi_held_force(const dgfem_body *body, const dgfemi_warped_face *
     }
 }
 
+/* What a face adds to the rows of the elements first <= e < last. */
+static void dgfemi_assemble_face(const dgfemi_assembly *a, const dgfemi_face_form *form, int first, int last,
+                                 dgfemi_face_terms *terms) {
+    dgfemi_warped_face face;
+    int with_rest = a->f0 && a->body->desc.warp && form->consistent, row = form->element[0];
+    dgfemi_warp_face(a->body, form, a->rotation, &face);
+    dgfemi_set_terms(a, &face, terms);
+    for (int s = 0; s < 2; s++) {
+        int e = form->element[s];
+        if (e < first || e >= last) continue;
+        dgfemi_assemble_face_diagonal(a, &face, s, terms);
+        if (with_rest) dgfemi_face_rest_force(a, &face, s, terms->rest);
+    }
+    if (form->element[1] == DGFEM_NONE) {
+        if (a->f0) dgfemi_held_force(a->body, &face, a->factor, a->f0);
+        return;
+    }
+    if (form->element[1] > row) row = form->element[1];
+    if (row >= first && row < last) dgfemi_assemble_face_coupling(a, &face, terms);
+}
+
+static void dgfemi_clear_row(const dgfemi_assembly *a, int row) {
+    const size_t *start = a->matrix->value_start;
+    size_t first = start[a->matrix->row_start[row]], last = start[a->matrix->row_start[row + 1]];
+    int basis = a->body->basis_start[row];
+    memset(a->matrix->values + first, 0, (last - first) * sizeof(dgfem_real));
+    if (a->f0) memset(a->f0 + basis, 0, (size_t)(a->body->basis_start[row + 1] - basis) * sizeof *a->f0);
+}
+
+/* The rows of the elements first <= e < last. */
+static void dgfemi_assemble_rows(const dgfemi_assembly *a, int first, int last, int late) {
+    const dgfem_forms *forms = a->body->forms;
+    dgfemi_face_terms terms;
+    dgfemi_element_terms element;
+    memset(&terms, 0, sizeof terms);
+    memset(&element, 0, sizeof element);
+    for (int e = first; e < last; e++) {
+        dgfemi_clear_row(a, e);
+        dgfemi_assemble_element(a, e, &element);
+        for (int f = forms->elements[e].face; f != DGFEM_NONE; f = forms->faces[f].next[0])
+            dgfemi_assemble_face(a, &forms->faces[f], first, last, &terms);
+    }
+    for (int f = late; f != DGFEM_NONE; f = forms->faces[f].next[1])
+        dgfemi_assemble_face(a, &forms->faces[f], first, last, &terms);
+    for (int e = first; e < last; e++) dgfemi_mirror_diagonal(a->matrix, e);
+}
+
+static void dgfemi_assemble_chunks(void *context, int first, int last) {
+    const dgfemi_assembly *a = (const dgfemi_assembly *)context;
+    const int *row = a->matrix->sharing->row;
+    for (int c = first; c < last; c++) dgfemi_assemble_rows(a, row[c], row[c + 1], a->late[c]);
+}
+
+/* The faces of each element, ascending, without those of later ones. */
+static void dgfemi_list_faces(const dgfem_body *body) {
+    const dgfem_forms *forms = body->forms;
+    for (int e = 0; e < body->mesh->element_count; e++) forms->elements[e].face = DGFEM_NONE;
+    for (int f = forms->face_count - 1; f >= 0; f--) {
+        dgfemi_face_form *face = &forms->faces[f];
+        int row = face->element[1] > face->element[0] ? face->element[1] : face->element[0];
+        face->next[0] = forms->elements[row].face;
+        forms->elements[row].face = f;
+    }
+}
+
+/* Those between two chunks, for the earlier one, in the order of the rows that they come with. */
+static void dgfemi_list_late_faces(dgfemi_assembly *a) {
+    const dgfem_forms *forms = a->body->forms;
+    const int *row = a->matrix->sharing->row;
+    int *end[DGFEM_MOST_CHUNKS]; /* where the number of the next one goes */
+    for (int c = 0; c < a->matrix->sharing->chunk_count; c++) {
+        a->late[c] = DGFEM_NONE;
+        end[c] = &a->late[c];
+        for (int e = row[c]; e < row[c + 1]; e++)
+            for (int f = forms->elements[e].face; f != DGFEM_NONE; f = forms->faces[f].next[0]) {
+                dgfemi_face_form *face = &forms->faces[f];
+                int other = face->element[face->element[0] == e], earlier = c;
+                if (other == DGFEM_NONE || other >= row[c]) continue;
+                while (other < row[earlier]) earlier--;
+                face->next[1] = DGFEM_NONE;
+                *end[earlier] = f;
+                end[earlier] = &face->next[1];
+            }
+    }
+}
+
 /* matrix = scale * K_w; f0 (may be NULL) = warping's force plus `factor` times that of prescribed displacements. */
 static void dgfemi_assemble_stiffness(const dgfem_body *body, const dgfem_mat3 *rotation, dgfem_real scale,
                                       dgfem_real factor, dgfem_matrix *matrix, dgfem_vec3 *f0) {
-    const dgfem_forms *forms = body->forms;
-    const dgfemi_kernels *kernels = dgfemi_kernels_choose(DGFEM_SIMD_AUTO);
-    dgfemi_warped_face face;
-    dgfemi_face_terms terms;
-    memset(&terms, 0, sizeof terms);
-    dgfem_matrix_clear(matrix);
-    if (f0) memset(f0, 0, (size_t)body->basis_count * sizeof *f0);
-    for (int e = 0; e < body->mesh->element_count; e++) {
-        dgfemi_assemble_element(body, e, &rotation[e], scale, kernels, matrix);
-        if (f0 && body->desc.warp) dgfemi_element_rest_force(body, e, &rotation[e], f0);
+    dgfemi_assembly a;
+    memset(&a, 0, sizeof a);
+    a.body = body, a.rotation = rotation, a.scale = scale, a.factor = factor, a.matrix = matrix, a.f0 = f0;
+    a.kernels = dgfemi_kernels_choose(DGFEM_SIMD_AUTO);
+    dgfemi_list_faces(body);
+    if (!matrix->sharing) {
+        dgfemi_assemble_rows(&a, 0, matrix->block_count, DGFEM_NONE);
+        return;
     }
-    for (int f = 0; f < forms->face_count; f++) {
-        const dgfemi_face_form *form = &forms->faces[f];
-        int a = form->element[0], b = form->element[1], n = form->count[0];
-        dgfemi_warp_face(body, form, rotation, &face);
-        dgfemi_set_terms(&face, scale, &terms);
-        dgfemi_assemble_face_diagonal(&face, 0, n, terms.quadrant[0], kernels, dgfem_matrix_block(matrix, a, a));
-        if (b != DGFEM_NONE) {
-            dgfemi_assemble_face_coupling(&face, terms.quadrant[1], kernels, matrix);
-            dgfemi_assemble_face_diagonal(&face, n, form->count[1], terms.quadrant[2], kernels,
-                                          dgfem_matrix_block(matrix, b, b));
-        } else if (f0) {
-            dgfemi_held_force(body, &face, factor, f0);
-        }
-        for (int s = 0; s < 2 && f0 && body->desc.warp; s++)
-            if (dgfemi_form_has_traction(form, s)) dgfemi_face_rest_force(body, &face, s, rotation, f0);
-    }
-    dgfemi_mirror_diagonal(matrix);
+    dgfemi_list_late_faces(&a);
+    dgfemi_parallel_for(&matrix->hooks, matrix->sharing->chunk_count, 1, dgfemi_assemble_chunks, &a);
 }
 
-/* Adds s * (mass matrix) to the diagonal blocks. */
-static void dgfemi_assemble_mass(const dgfem_body *body, dgfem_real s, dgfem_matrix *matrix) {
-    for (int e = 0; e < body->mesh->element_count; e++) {
-        const dgfemi_element_form *form = &body->forms->elements[e];
+typedef struct dgfemi_mass_assembly {
+    const dgfem_body *body;
+    dgfem_real factor;
+} dgfemi_mass_assembly;
+
+static void dgfemi_assemble_mass_rows(void *context, const dgfem_matrix *matrix, int first, int last,
+                                      size_t diagonal) {
+    const dgfemi_mass_assembly *assembly = (const dgfemi_mass_assembly *)context;
+    const dgfem_body *body = assembly->body;
+    (void)diagonal;
+    for (int e = first; e < last; e++) {
         const dgfem_real *mass = dgfemi_form_mass(body->forms, e);
-        dgfem_real *out = dgfem_matrix_block(matrix, e, e), factor = s * body->material[e].density;
-        int n = form->count;
+        dgfem_real *out = dgfemi_diagonal_block(matrix, e), factor = assembly->factor * body->material[e].density;
+        int n = body->forms->elements[e].count;
         for (int i = 0; i < n; i++)
             for (int j = 0; j < n; j++)
                 for (int a = 0; a < 3; a++) out[(3 * i + a) * 3 * n + 3 * j + a] += factor * mass[i * n + j];
     }
+}
+
+/* Adds s * (mass matrix) to the diagonal blocks. */
+static void dgfemi_assemble_mass(const dgfem_body *body, dgfem_real s, dgfem_matrix *matrix) {
+    dgfemi_mass_assembly assembly;
+    assembly.body = body, assembly.factor = s;
+    dgfemi_for_rows(matrix, dgfemi_assemble_mass_rows, &assembly);
 }
 
 static double dgfemi_total_mass(const dgfem_body *body) {
