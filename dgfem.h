@@ -1902,7 +1902,41 @@ static int dgfemi_orthogonalize_columns(dgfem_mat3 *f, dgfem_mat3 *v, int p, int
     return 1;
 }
 
-/* F V = U diag(sigma) by one-sided Jacobi rotations, which unlike the eigenvectors of F^T F see small singular values
+/* F is far from every rotation where |F^T F - I| is not small: no singular value is below 0.4. NaN is far. */
+static int dgfemi_is_near_rotation(const dgfem_mat3 *f) {
+    dgfem_vec3 x = dgfemi_column(f, 0), y = dgfemi_column(f, 1), z = dgfemi_column(f, 2);
+    const dgfem_real stretch = DGFEM_R(0.4), shear = DGFEM_R(0.2);
+    return dgfemi_abs(dgfemi_dot(x, x) - 1) < stretch && dgfemi_abs(dgfemi_dot(y, y) - 1) < stretch &&
+           dgfemi_abs(dgfemi_dot(z, z) - 1) < stretch && dgfemi_abs(dgfemi_dot(x, y)) < shear &&
+           dgfemi_abs(dgfemi_dot(x, z)) < shear && dgfemi_abs(dgfemi_dot(y, z)) < shear &&
+           dgfemi_determinant(f) > 0;
+}
+
+/* The polar rotation of a matrix near it, by Newton's iteration R = (R + R^-T) / 2: it converges quadratically, so that
+   the last change tells that the next one would be round-off. */
+static dgfem_mat3 dgfemi_rotation_by_newton(dgfem_mat3 r) {
+    enum { MAX_STEPS = 8 }; /* six suffice */
+    const dgfem_real enough = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-8);
+    dgfem_real change = 1;
+    int step, i, j;
+    for (step = 0; step < MAX_STEPS && change > enough; step++) {
+        dgfem_vec3 c[3], x = dgfemi_column(&r, 0), y = dgfemi_column(&r, 1), z = dgfemi_column(&r, 2);
+        dgfem_real half;
+        c[0] = dgfemi_cross(y, z), c[1] = dgfemi_cross(z, x), c[2] = dgfemi_cross(x, y);
+        half = DGFEM_R(0.5) / dgfemi_dot(x, c[0]);
+        change = 0;
+        for (j = 0; j < 3; j++)
+            for (i = 0; i < 3; i++) {
+                dgfem_real next = DGFEM_R(0.5) * r.m[i][j] + half * dgfemi_axis(c[j], i);
+                change = dgfemi_max(change, dgfemi_abs(next - r.m[i][j]));
+                r.m[i][j] = next;
+            }
+    }
+    return r;
+}
+
+/* Where F is no rotation with a moderate strain:
+   F V = U diag(sigma) by one-sided Jacobi rotations, which unlike the eigenvectors of F^T F see small singular values
    as exactly as F holds them. The two largest give two columns of U and of V; the third ones are their cross products,
    which makes det(U V^T) = +1 and so flips the smallest singular vector of an inverted F. */
 DGFEM_API dgfem_mat3 dgfem_rotation_of(dgfem_mat3 f, dgfem_mat3 fallback) {
@@ -1912,6 +1946,7 @@ DGFEM_API dgfem_mat3 dgfem_rotation_of(dgfem_mat3 f, dgfem_mat3 fallback) {
     dgfem_vec3 u1, u2, v1, v2;
     dgfem_real sigma[3], largest = 0;
     int first = 0, second, sweep, i;
+    if (dgfemi_is_near_rotation(&f)) return dgfemi_rotation_by_newton(f);
     if (!dgfemi_is_finite_mat3(&f)) return fallback;
     for (i = 0; i < 9; i++) largest = dgfemi_max(largest, dgfemi_abs(f.m[i / 3][i % 3]));
     if (!(largest > 0)) return fallback;
@@ -9898,8 +9933,8 @@ typedef struct dgfemi_entry {
     int front_row, front_column, transposed;
 } dgfemi_entry;
 
-/* Small matrices and vectors for assembly: a 3x3 matrix takes three rows of four numbers and fills whole vectors of every
-   path, a vector takes four numbers. The fourth ones, and those that fill up, are zeros. */
+/* Small matrices and vectors for assembly: a 3x3 matrix takes three rows of four numbers and fills whole vectors of
+   every path, a vector takes four numbers. The fourth ones, and those that fill up, are zeros. */
 enum {
     DGFEM_MATRIX_STRIDE = 16,
     DGFEM_VECTOR_STRIDE = 4,
@@ -9986,7 +10021,7 @@ static int dgfemi_pivot_is_good(dgfem_real pivot, dgfem_real diagonal) {
    is inserted for each instruction set, which panel.c describes by
 
        DGFEM_PATH(name)                       the name with the instruction set's suffix
-       DGFEM_FOUR(name)                       the same, or that of an earlier one whose vectors have no more than four lanes
+       DGFEM_FOUR(name)                       the same, or that of one whose vectors have no more than four lanes
        DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
        DGFEM_VECTORS, DGFEM_TILE              vectors in a strip, columns of a tile (even; divides a strip's rows)
        DGFEM_V_LOAD(p) _STORE(p, v) _ALL(x)   and _ADD(a, b), _SUB(a, b), _MUL(a, b)
@@ -10533,9 +10568,10 @@ DGFEM_INLINE void DGFEM_PATH(dgfemi_add_row)(const dgfem_real *from, int vectors
     for (k = first; k < last; k++) row[k] += from[k];
 }
 
-/* Three rows of which `count` numbers count; behind them come zeros, and `room` numbers are left in the block's rows. */
-static void DGFEM_PATH(dgfemi_add_rows_of)(const dgfem_real *from, int from_stride, int count, int room, dgfem_real *row,
-                                           int stride) {
+/* Three rows of which `count` numbers count; behind them come zeros, and `room` numbers are left in the block's rows.
+   */
+static void DGFEM_PATH(dgfemi_add_rows_of)(const dgfem_real *from, int from_stride, int count, int room,
+                                           dgfem_real *row, int stride) {
     int vectors = (count + DGFEM_V_LANES - 1) / DGFEM_V_LANES, most = room / DGFEM_V_LANES, p;
     if (vectors > most) vectors = most;
     for (p = 0; p < 3; p++, from += from_stride, row += stride)
@@ -10736,7 +10772,7 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
    is inserted for each instruction set, which panel.c describes by
 
        DGFEM_PATH(name)                       the name with the instruction set's suffix
-       DGFEM_FOUR(name)                       the same, or that of an earlier one whose vectors have no more than four lanes
+       DGFEM_FOUR(name)                       the same, or that of one whose vectors have no more than four lanes
        DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
        DGFEM_VECTORS, DGFEM_TILE              vectors in a strip, columns of a tile (even; divides a strip's rows)
        DGFEM_V_LOAD(p) _STORE(p, v) _ALL(x)   and _ADD(a, b), _SUB(a, b), _MUL(a, b)
@@ -11283,9 +11319,10 @@ DGFEM_INLINE void DGFEM_PATH(dgfemi_add_row)(const dgfem_real *from, int vectors
     for (k = first; k < last; k++) row[k] += from[k];
 }
 
-/* Three rows of which `count` numbers count; behind them come zeros, and `room` numbers are left in the block's rows. */
-static void DGFEM_PATH(dgfemi_add_rows_of)(const dgfem_real *from, int from_stride, int count, int room, dgfem_real *row,
-                                           int stride) {
+/* Three rows of which `count` numbers count; behind them come zeros, and `room` numbers are left in the block's rows.
+   */
+static void DGFEM_PATH(dgfemi_add_rows_of)(const dgfem_real *from, int from_stride, int count, int room,
+                                           dgfem_real *row, int stride) {
     int vectors = (count + DGFEM_V_LANES - 1) / DGFEM_V_LANES, most = room / DGFEM_V_LANES, p;
     if (vectors > most) vectors = most;
     for (p = 0; p < 3; p++, from += from_stride, row += stride)
@@ -11484,7 +11521,7 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
    is inserted for each instruction set, which panel.c describes by
 
        DGFEM_PATH(name)                       the name with the instruction set's suffix
-       DGFEM_FOUR(name)                       the same, or that of an earlier one whose vectors have no more than four lanes
+       DGFEM_FOUR(name)                       the same, or that of one whose vectors have no more than four lanes
        DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
        DGFEM_VECTORS, DGFEM_TILE              vectors in a strip, columns of a tile (even; divides a strip's rows)
        DGFEM_V_LOAD(p) _STORE(p, v) _ALL(x)   and _ADD(a, b), _SUB(a, b), _MUL(a, b)
@@ -12031,9 +12068,10 @@ DGFEM_INLINE void DGFEM_PATH(dgfemi_add_row)(const dgfem_real *from, int vectors
     for (k = first; k < last; k++) row[k] += from[k];
 }
 
-/* Three rows of which `count` numbers count; behind them come zeros, and `room` numbers are left in the block's rows. */
-static void DGFEM_PATH(dgfemi_add_rows_of)(const dgfem_real *from, int from_stride, int count, int room, dgfem_real *row,
-                                           int stride) {
+/* Three rows of which `count` numbers count; behind them come zeros, and `room` numbers are left in the block's rows.
+   */
+static void DGFEM_PATH(dgfemi_add_rows_of)(const dgfem_real *from, int from_stride, int count, int room,
+                                           dgfem_real *row, int stride) {
     int vectors = (count + DGFEM_V_LANES - 1) / DGFEM_V_LANES, most = room / DGFEM_V_LANES, p;
     if (vectors > most) vectors = most;
     for (p = 0; p < 3; p++, from += from_stride, row += stride)
@@ -12238,7 +12276,7 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
    is inserted for each instruction set, which panel.c describes by
 
        DGFEM_PATH(name)                       the name with the instruction set's suffix
-       DGFEM_FOUR(name)                       the same, or that of an earlier one whose vectors have no more than four lanes
+       DGFEM_FOUR(name)                       the same, or that of one whose vectors have no more than four lanes
        DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
        DGFEM_VECTORS, DGFEM_TILE              vectors in a strip, columns of a tile (even; divides a strip's rows)
        DGFEM_V_LOAD(p) _STORE(p, v) _ALL(x)   and _ADD(a, b), _SUB(a, b), _MUL(a, b)
@@ -12785,9 +12823,10 @@ DGFEM_INLINE void DGFEM_PATH(dgfemi_add_row)(const dgfem_real *from, int vectors
     for (k = first; k < last; k++) row[k] += from[k];
 }
 
-/* Three rows of which `count` numbers count; behind them come zeros, and `room` numbers are left in the block's rows. */
-static void DGFEM_PATH(dgfemi_add_rows_of)(const dgfem_real *from, int from_stride, int count, int room, dgfem_real *row,
-                                           int stride) {
+/* Three rows of which `count` numbers count; behind them come zeros, and `room` numbers are left in the block's rows.
+   */
+static void DGFEM_PATH(dgfemi_add_rows_of)(const dgfem_real *from, int from_stride, int count, int room,
+                                           dgfem_real *row, int stride) {
     int vectors = (count + DGFEM_V_LANES - 1) / DGFEM_V_LANES, most = room / DGFEM_V_LANES, p;
     if (vectors > most) vectors = most;
     for (p = 0; p < 3; p++, from += from_stride, row += stride)
@@ -12990,7 +13029,7 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
    is inserted for each instruction set, which panel.c describes by
 
        DGFEM_PATH(name)                       the name with the instruction set's suffix
-       DGFEM_FOUR(name)                       the same, or that of an earlier one whose vectors have no more than four lanes
+       DGFEM_FOUR(name)                       the same, or that of one whose vectors have no more than four lanes
        DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
        DGFEM_VECTORS, DGFEM_TILE              vectors in a strip, columns of a tile (even; divides a strip's rows)
        DGFEM_V_LOAD(p) _STORE(p, v) _ALL(x)   and _ADD(a, b), _SUB(a, b), _MUL(a, b)
@@ -13537,9 +13576,10 @@ DGFEM_INLINE void DGFEM_PATH(dgfemi_add_row)(const dgfem_real *from, int vectors
     for (k = first; k < last; k++) row[k] += from[k];
 }
 
-/* Three rows of which `count` numbers count; behind them come zeros, and `room` numbers are left in the block's rows. */
-static void DGFEM_PATH(dgfemi_add_rows_of)(const dgfem_real *from, int from_stride, int count, int room, dgfem_real *row,
-                                           int stride) {
+/* Three rows of which `count` numbers count; behind them come zeros, and `room` numbers are left in the block's rows.
+   */
+static void DGFEM_PATH(dgfemi_add_rows_of)(const dgfem_real *from, int from_stride, int count, int room,
+                                           dgfem_real *row, int stride) {
     int vectors = (count + DGFEM_V_LANES - 1) / DGFEM_V_LANES, most = room / DGFEM_V_LANES, p;
     if (vectors > most) vectors = most;
     for (p = 0; p < 3; p++, from += from_stride, row += stride)
@@ -13734,7 +13774,7 @@ static const dgfemi_kernels *DGFEM_PATH(dgfemi_kernels)(void) {
    is inserted for each instruction set, which panel.c describes by
 
        DGFEM_PATH(name)                       the name with the instruction set's suffix
-       DGFEM_FOUR(name)                       the same, or that of an earlier one whose vectors have no more than four lanes
+       DGFEM_FOUR(name)                       the same, or that of one whose vectors have no more than four lanes
        DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
        DGFEM_VECTORS, DGFEM_TILE              vectors in a strip, columns of a tile (even; divides a strip's rows)
        DGFEM_V_LOAD(p) _STORE(p, v) _ALL(x)   and _ADD(a, b), _SUB(a, b), _MUL(a, b)
@@ -14281,9 +14321,10 @@ DGFEM_INLINE void DGFEM_PATH(dgfemi_add_row)(const dgfem_real *from, int vectors
     for (k = first; k < last; k++) row[k] += from[k];
 }
 
-/* Three rows of which `count` numbers count; behind them come zeros, and `room` numbers are left in the block's rows. */
-static void DGFEM_PATH(dgfemi_add_rows_of)(const dgfem_real *from, int from_stride, int count, int room, dgfem_real *row,
-                                           int stride) {
+/* Three rows of which `count` numbers count; behind them come zeros, and `room` numbers are left in the block's rows.
+   */
+static void DGFEM_PATH(dgfemi_add_rows_of)(const dgfem_real *from, int from_stride, int count, int room,
+                                           dgfem_real *row, int stride) {
     int vectors = (count + DGFEM_V_LANES - 1) / DGFEM_V_LANES, most = room / DGFEM_V_LANES, p;
     if (vectors > most) vectors = most;
     for (p = 0; p < 3; p++, from += from_stride, row += stride)
@@ -14635,10 +14676,10 @@ static int dgfemi_matrix_values(dgfem_matrix *matrix, const dgfem_matrix_desc *d
 
 /* ---- shared products ---- */
 
-/* A product in chunks of rows, which threads share. A chunk adds to its own rows of y; what its blocks give, transposed,
-   to rows of earlier chunks, it leaves in `sums`, one piece for each such block. When all chunks are done the pieces are
-   added, by the chunk whose rows they are for, in ascending order of the rows that they come from. So every part of y
-   receives its products in the order of a product without chunks. */
+/* A product in chunks of rows, which threads share. A chunk adds to its own rows of y; what its blocks give,
+   transposed, to rows of earlier chunks, it leaves in `sums`, one piece for each such block. When all chunks are done
+   the pieces are added, by the chunk whose rows they are for, in ascending order of the rows that they come from. So
+   every part of y receives its products in the order of a product without chunks. */
 struct dgfem_sharing {
     int chunk_count;
     int *row;         /* [chunk_count + 1] first row of each chunk, */
@@ -14651,10 +14692,11 @@ struct dgfem_sharing {
 };
 
 enum {
-    DGFEM_LEAST_CHUNK = 1 << 16, /* numbers in a chunk: less is not worth the wait for a thread, */
-    DGFEM_LEAST_CHUNKS = 4,      /* nor is a matrix of so few chunks; */
-    DGFEM_MOST_CHUNKS = 16,      /* and the more chunks, the more pieces */
-    DGFEM_SERIAL_SUMS = 1 << 15  /* so many numbers in pieces are added by one thread */
+    DGFEM_LEAST_SHARED = 1 << 18, /* numbers in a matrix: less is not worth the wait for a thread; */
+    DGFEM_CHUNK = 1 << 17,        /* in a chunk, about: the more chunks, the more pieces; */
+    DGFEM_LEAST_CHUNKS = 6,
+    DGFEM_MOST_CHUNKS = 16,
+    DGFEM_SERIAL_SUMS = 1 << 15 /* so many numbers in pieces are added by one thread */
 };
 
 static void dgfemi_sharing_destroy(dgfem_sharing *sharing, const dgfem_hooks *hooks) {
@@ -14732,10 +14774,11 @@ static int dgfemi_sharing_set_pieces(dgfem_sharing *sharing, const dgfem_matrix 
 /* Where the matrix is large enough and the host has threads. 0 when out of memory. */
 static int dgfemi_matrix_share(dgfem_matrix *matrix, dgfemi_arena *arena) {
     const dgfem_hooks *hooks = &matrix->hooks;
-    size_t chunks = matrix->value_start[matrix->row_start[matrix->block_count]] / DGFEM_LEAST_CHUNK;
+    size_t total = matrix->value_start[matrix->row_start[matrix->block_count]], chunks = total / DGFEM_CHUNK;
     dgfem_sharing *sharing;
     int *pieces;
-    if (!hooks->parallel_for || chunks < DGFEM_LEAST_CHUNKS) return 1;
+    if (!hooks->parallel_for || total < DGFEM_LEAST_SHARED) return 1;
+    if (chunks < DGFEM_LEAST_CHUNKS) chunks = DGFEM_LEAST_CHUNKS;
     if (chunks > DGFEM_MOST_CHUNKS) chunks = DGFEM_MOST_CHUNKS;
     sharing = (dgfem_sharing *)dgfemi_allocate_zero(hooks, 1, sizeof *sharing);
     if (!sharing) return 0;
@@ -15366,8 +15409,9 @@ static dgfem_vec3 dgfemi_direction(int i) {
 }
 
 enum {
-    DGFEM_TRIALS = 4,         /* cuts along different directions that are narrowed, to take the best, */
-    DGFEM_TRIED_PARTS = 8,    /* in parts of this fraction of the graph or more: there separators are long */
+    DGFEM_LARGE_PARTS = 8,    /* parts of this fraction of the graph or more, where separators are long */
+    DGFEM_TRIALS = 4,         /* there: cuts along different directions that are narrowed, to take the best */
+    DGFEM_PROMISING = 7,      /* in smaller parts: directions to try, those that were best in the large ones */
     DGFEM_SMALLEST_PART = 48, /* vertices; smaller parts are left to minimum degree */
     DGFEM_KEY_BITS = 10       /* places along a direction are rounded to twice as many bits: ties survive round-off */
 };
@@ -15380,6 +15424,7 @@ typedef struct dgfemi_dissection {
     int *part;                     /* [count] of each vertex; DGFEM_NONE in a separator */
     int parts;                     /* made so far */
     int *scratch;                  /* [count] */
+    double rating[DGFEM_DIRECTIONS]; /* the less the better: costs over the least ones, summed over the large parts */
     /* the part that is being dissected: its vertices are numbered by their places in sorted[0] */
     int *number;         /* [count] of each vertex of the graph */
     dgfemi_graph local;  /* without block */
@@ -15763,16 +15808,35 @@ static void dgfemi_split_list(dgfemi_dissection *d, int *list, int count, const 
     memcpy(list, d->scratch, (size_t)count * sizeof *list);
 }
 
+/* The best cut along each direction, or along the most promising ones only. */
+static void dgfemi_find_cuts(dgfemi_dissection *d, int first, double total, int promising, dgfemi_cut *cuts) {
+    int i, k;
+    for (i = 0; i < DGFEM_DIRECTIONS; i++) {
+        int better = 0;
+        for (k = 0; k < DGFEM_DIRECTIONS; k++)
+            better += d->rating[k] < d->rating[i] || (d->rating[k] == d->rating[i] && k < i);
+        cuts[i].cost = DGFEM_NO_CUT;
+        if (!promising || better < DGFEM_PROMISING) dgfemi_sweep(d, i, first, total, &cuts[i]);
+    }
+}
+
+static void dgfemi_rate_directions(dgfemi_dissection *d, const dgfemi_cut *cuts) {
+    const double bad = 3; /* as bad as need be */
+    double best = DGFEM_NO_CUT;
+    int i;
+    for (i = 0; i < DGFEM_DIRECTIONS; i++)
+        if (cuts[i].cost < best) best = cuts[i].cost;
+    for (i = 0; i < DGFEM_DIRECTIONS; i++) d->rating[i] += cuts[i].cost < bad * best ? cuts[i].cost / best : bad;
+}
+
 /* Sets the sides by the cheapest separator found: the best cuts of several directions, each narrowed. Returns its cost,
    or DGFEM_NO_CUT. */
 static double dgfemi_find_separator(dgfemi_dissection *d, int first, double total) {
     dgfemi_cut cuts[DGFEM_DIRECTIONS];
     double best_cost = DGFEM_NO_CUT;
-    int trials = d->local.count >= d->graph->count / DGFEM_TRIED_PARTS ? DGFEM_TRIALS : 1, trial, i;
-    for (i = 0; i < DGFEM_DIRECTIONS; i++) {
-        cuts[i].cost = DGFEM_NO_CUT;
-        dgfemi_sweep(d, i, first, total, &cuts[i]);
-    }
+    int large = d->local.count >= d->graph->count / DGFEM_LARGE_PARTS, trials = large ? DGFEM_TRIALS : 1, trial, i;
+    dgfemi_find_cuts(d, first, total, !large, cuts);
+    if (large) dgfemi_rate_directions(d, cuts);
     for (trial = 0; trial < trials; trial++) {
         dgfemi_cut *best = &cuts[0];
         double cost;
@@ -15859,25 +15923,95 @@ static void dgfemi_elimination_tree(const dgfemi_graph *graph, const int *order,
     }
 }
 
-/* below[k], the unknowns below the diagonal block in block column k of L, and below_blocks[k] (may be NULL) their
-   blocks: row i of L reaches the columns on the way from its neighbours in A up the tree to i. mark[count] is
-   scratch. */
-static void dgfemi_column_counts(const dgfemi_graph *graph, const int *order, const int *position, const int *parent,
-                                 int *mark, int *below, int *below_blocks) {
-    int i, k;
-    for (i = 0; i < graph->count; i++) {
-        int v = order[i];
-        mark[i] = i;
-        below[i] = 0;
-        if (below_blocks) below_blocks[i] = 0;
-        for (k = graph->start[v]; k < graph->start[v + 1]; k++) {
-            int j = position[graph->neighbour[k]];
-            for (; j < i && mark[j] != i; j = parent[j]) {
-                mark[j] = i;
-                below[j] += graph->weight[v];
-                if (below_blocks) below_blocks[j]++;
-            }
+/* Lists the nodes of a forest, children before parents, each tree in one piece. child and sibling are scratch. Returns
+   their number: nodes whose parent is neither a node nor DGFEM_NONE do not count. */
+static int dgfemi_postorder(int count, const int *parent, int *child, int *sibling, int *list) {
+    int listed = 0, root, k;
+    for (k = 0; k < count; k++) child[k] = DGFEM_NONE;
+    for (k = count - 1; k >= 0; k--)
+        if (parent[k] >= 0) {
+            sibling[k] = child[parent[k]];
+            child[parent[k]] = k;
         }
+    for (root = 0; root < count; root++) {
+        if (parent[root] != DGFEM_NONE) continue;
+        for (k = root;;) {
+            int next = child[k];
+            if (next != DGFEM_NONE) { /* down to a child that has not been listed */
+                child[k] = sibling[next];
+                k = next;
+                continue;
+            }
+            list[listed++] = k;
+            if (k == root) break;
+            k = parent[k];
+        }
+    }
+    return listed;
+}
+
+/* The scratch of dgfemi_column_counts, by positions: */
+typedef struct dgfemi_counting {
+    int *first;    /* number in postorder of the first descendant */
+    int *latest;   /* of row k of L: that of the latest leaf of its subtree */
+    int *leaf;     /* of row k of L: that leaf */
+    int *ancestor; /* on the way up, as far as listed; the highest is its own */
+} dgfemi_counting;
+
+/* The highest of the ancestors listed by now. Shortens the way. */
+static int dgfemi_highest_ancestor(int *ancestor, int k) {
+    while (ancestor[k] != k) k = ancestor[k] = ancestor[ancestor[k]];
+    return k;
+}
+
+/* Column k has row i of L if k is in the subtree of the elimination tree that has i at its top and that row's entries of
+   A as its leaves, or on the way. So the count of column k is a sum over its descendants: +1 for each row that has a leaf
+   there, -1 where two of its branches meet and where its subtree ends (Gilbert, Ng, Peyton 1994). Rows weigh as many
+   unknowns as they have. The sums are taken modulo 2^32: only the last are small. */
+static void dgfemi_count_changes(const dgfemi_graph *graph, const int *order, const int *position, const int *parent,
+                                 const int *list, dgfemi_counting *s, unsigned *unknowns, unsigned *blocks) {
+    int n = graph->count, k, m;
+    for (k = 0; k < n; k++) {
+        s->first[k] = s->latest[k] = s->leaf[k] = DGFEM_NONE;
+        s->ancestor[k] = k;
+        unknowns[k] = blocks[k] = 0;
+    }
+    for (k = 0; k < n; k++) {
+        int j = list[k];
+        if (s->first[j] == DGFEM_NONE) unknowns[j] += (unsigned)graph->weight[order[j]], blocks[j]++;
+        for (; j != DGFEM_NONE && s->first[j] == DGFEM_NONE; j = parent[j]) s->first[j] = k;
+    }
+    for (k = 0; k < n; k++) {
+        int j = list[k], v = order[j];
+        for (m = graph->start[v]; m < graph->start[v + 1]; m++) {
+            int i = position[graph->neighbour[m]];
+            unsigned weight = (unsigned)graph->weight[graph->neighbour[m]];
+            if (i < j || s->first[j] <= s->latest[i]) continue; /* no leaf: row i has one among the descendants */
+            unknowns[j] += weight, blocks[j]++;
+            if (s->leaf[i] != DGFEM_NONE) {
+                int meeting = dgfemi_highest_ancestor(s->ancestor, s->leaf[i]);
+                unknowns[meeting] -= weight, blocks[meeting]--;
+            }
+            s->latest[i] = s->first[j];
+            s->leaf[i] = j;
+        }
+        if (parent[j] == DGFEM_NONE) continue;
+        unknowns[parent[j]] -= (unsigned)graph->weight[v], blocks[parent[j]]--;
+        s->ancestor[j] = parent[j];
+    }
+}
+
+/* below[k], the unknowns below the diagonal block in block column k of L, and below_blocks[k] their blocks. list is a
+   postorder of the tree. */
+static void dgfemi_column_counts(const dgfemi_graph *graph, const int *order, const int *position, const int *parent,
+                                 const int *list, dgfemi_counting *scratch, int *below, int *below_blocks) {
+    unsigned *unknowns = (unsigned *)(void *)below, *blocks = (unsigned *)(void *)below_blocks;
+    int k;
+    dgfemi_count_changes(graph, order, position, parent, list, scratch, unknowns, blocks);
+    for (k = 0; k < graph->count; k++) {
+        if (parent[k] != DGFEM_NONE) unknowns[parent[k]] += unknowns[k], blocks[parent[k]] += blocks[k];
+        below[k] -= graph->weight[order[k]];
+        below_blocks[k]--;
     }
 }
 
@@ -15899,16 +16033,18 @@ static void dgfemi_factor_cost(const dgfemi_graph *graph, const int *order, cons
 
 /* 0 when out of memory. */
 static int dgfemi_order_flops(dgfemi_arena *arena, const dgfemi_graph *graph, const int *order, double *flops) {
-    size_t n = (size_t)graph->count;
-    int *position = (int *)dgfemi_arena_allocate(arena, n, sizeof(int));
-    int *parent = (int *)dgfemi_arena_allocate(arena, n, sizeof(int));
-    int *mark = (int *)dgfemi_arena_allocate(arena, n, sizeof(int));
-    int *below = (int *)dgfemi_arena_allocate(arena, n, sizeof(int));
+    int *arrays[9], i;
+    dgfemi_counting scratch;
     double entries;
-    if (!position || !parent || !mark || !below) return 0;
-    dgfemi_elimination_tree(graph, order, position, parent, mark);
-    dgfemi_column_counts(graph, order, position, parent, mark, below, NULL);
-    dgfemi_factor_cost(graph, order, below, &entries, flops);
+    for (i = 0; i < 9; i++) {
+        arrays[i] = (int *)dgfemi_arena_allocate(arena, (size_t)graph->count, sizeof(int));
+        if (!arrays[i]) return 0;
+    }
+    scratch.first = arrays[3], scratch.latest = arrays[4], scratch.leaf = arrays[5], scratch.ancestor = arrays[6];
+    dgfemi_elimination_tree(graph, order, arrays[0], arrays[1], arrays[2]);
+    dgfemi_postorder(graph->count, arrays[1], arrays[3], arrays[4], arrays[2]);
+    dgfemi_column_counts(graph, order, arrays[0], arrays[1], arrays[2], &scratch, arrays[7], arrays[8]);
+    dgfemi_factor_cost(graph, order, arrays[7], &entries, flops);
     return 1;
 }
 
@@ -15982,7 +16118,7 @@ typedef struct dgfemi_supernode {
     int task;                   /* that factors it; DGFEM_NONE: after all tasks, in ascending order */
     double flops;               /* of it and of its descendants */
     size_t values;              /* its panel, in dgfem_cholesky.values */
-    size_t update;              /* its U, in dgfem_cholesky.updates */
+    size_t update;              /* its U, there too */
 } dgfemi_supernode;
 
 /* Supernodes first <= s < last that one worker factors: whole subtrees, which no other task looks at. */
@@ -16009,8 +16145,7 @@ struct dgfem_cholesky {
     int task_count;
     dgfemi_task *tasks;   /* the largest first */
     void *memory;         /* of the following, which begin at cache lines */
-    dgfem_real *values;   /* L */
-    dgfem_real *updates;  /* the U that still wait for their parents */
+    dgfem_real *values;   /* L, and the U that still wait for their parents */
     dgfem_real *own;      /* [largest width, in whole strips] a solve's unknowns of one supernode */
     dgfem_real *below;    /* [largest height, in whole strips] and those below it */
     dgfem_real *sums;     /* [largest width, in vectors] of a solve, one for each column */
@@ -16064,43 +16199,26 @@ static int dgfemi_analysis_allocate(dgfemi_analysis *a, dgfemi_arena *arena) {
     return a->nodes != NULL;
 }
 
-/* Lists the nodes of a forest, children before parents, each tree in one piece. child and sibling are scratch. Returns
-   their number: nodes whose parent is DGFEM_MERGED do not count. */
-static int dgfemi_postorder(int count, const int *parent, int *child, int *sibling, int *list) {
-    int listed = 0, root, k;
-    for (k = 0; k < count; k++) child[k] = DGFEM_NONE;
-    for (k = count - 1; k >= 0; k--)
-        if (parent[k] >= 0) {
-            sibling[k] = child[parent[k]];
-            child[parent[k]] = k;
-        }
-    for (root = 0; root < count; root++) {
-        if (parent[root] != DGFEM_NONE) continue;
-        for (k = root;;) {
-            int next = child[k];
-            if (next != DGFEM_NONE) { /* down to a child that has not been listed */
-                child[k] = sibling[next];
-                k = next;
-                continue;
-            }
-            list[listed++] = k;
-            if (k == root) break;
-            k = parent[k];
-        }
-    }
-    return listed;
-}
-
 /* Puts the order into postorder of its elimination tree, which makes the columns of a supernode neighbours and changes
    nothing else; tree and counts are then those of the new order. */
 static void dgfemi_analyse_tree(dgfemi_analysis *a) {
-    int n = a->graph.count, k;
+    int n = a->graph.count, *old_parent = a->scratch[1], k;
+    dgfemi_counting scratch;
     dgfemi_elimination_tree(&a->graph, a->order, a->position, a->parent, a->scratch[0]);
     dgfemi_postorder(n, a->parent, a->scratch[0], a->scratch[1], a->list);
+    memcpy(old_parent, a->parent, (size_t)n * sizeof *old_parent);
     for (k = 0; k < n; k++) a->scratch[0][k] = a->order[a->list[k]];
     memcpy(a->order, a->scratch[0], (size_t)n * sizeof *a->order);
-    dgfemi_elimination_tree(&a->graph, a->order, a->position, a->parent, a->scratch[0]);
-    dgfemi_column_counts(&a->graph, a->order, a->position, a->parent, a->scratch[0], a->below, a->below_blocks);
+    for (k = 0; k < n; k++) a->scratch[0][a->list[k]] = k;
+    for (k = 0; k < n; k++) {
+        int up = old_parent[a->list[k]];
+        a->parent[k] = up == DGFEM_NONE ? DGFEM_NONE : a->scratch[0][up];
+        a->position[a->order[k]] = k;
+    }
+    for (k = 0; k < n; k++) a->list[k] = k;
+    scratch.first = a->node_of, scratch.latest = a->supernode_of;
+    scratch.leaf = a->scratch[0], scratch.ancestor = a->scratch[1];
+    dgfemi_column_counts(&a->graph, a->order, a->position, a->parent, a->list, &scratch, a->below, a->below_blocks);
 }
 
 /* Column k has the rows of column k + 1 and that one's diagonal block: they count as one. */
@@ -16480,20 +16598,42 @@ static size_t dgfemi_place_updates(dgfem_cholesky *c, int first, int last, int t
     return used;
 }
 
-/* Places all updates. Returns the room they need. */
-static size_t dgfemi_plan_updates(dgfem_cholesky *c, int *odd) {
-    size_t used = 0;
+/* Places the panels of supernodes with or without a task. Returns where the memory after them begins. */
+static size_t dgfemi_place_panels(dgfem_cholesky *c, int in_task, size_t used) {
+    int s;
+    for (s = 0; s < c->supernode_count; s++) {
+        dgfemi_supernode *super = c->supernodes + s;
+        if ((super->task != DGFEM_NONE) != in_task) continue;
+        super->values = used;
+        used = dgfemi_add_product(used, dgfemi_panel_size(c, super), 1);
+    }
+    return used;
+}
+
+/* Places panels and updates in one piece of memory. Returns the room they need.
+
+       panels of tasks | panels above all tasks, updates above | what tasks pass on to those above
+                       | updates within tasks                  |
+
+   Before all tasks are done nothing is written above them, and then the updates within tasks are no longer needed. */
+static size_t dgfemi_plan_fronts(dgfem_cholesky *c, int *odd) {
+    size_t within = dgfemi_place_panels(c, 1, 0), above = dgfemi_place_panels(c, 0, within), used;
     int s, k;
     for (s = c->supernode_count - 1; s >= 0; s--) {
-        dgfemi_supernode *super = c->supernodes + s;
-        odd[s] = super->parent != DGFEM_NONE && !odd[super->parent];
-        if (super->parent == DGFEM_NONE || c->supernodes[super->parent].task == super->task) continue;
-        super->update = used; /* what a task passes on waits until all tasks are done */
-        used = dgfemi_add_product(used, dgfemi_update_size(c, super), 1);
+        int parent = c->supernodes[s].parent;
+        odd[s] = parent != DGFEM_NONE && !odd[parent];
     }
     for (k = 0; k < c->task_count; k++)
-        used = dgfemi_place_updates(c, c->tasks[k].first, c->tasks[k].last, k, odd, used);
-    return dgfemi_place_updates(c, 0, c->supernode_count, DGFEM_NONE, odd, used);
+        within = dgfemi_place_updates(c, c->tasks[k].first, c->tasks[k].last, k, odd, within);
+    above = dgfemi_place_updates(c, 0, c->supernode_count, DGFEM_NONE, odd, above);
+    used = within > above ? within : above;
+    for (s = 0; s < c->supernode_count; s++) {
+        dgfemi_supernode *super = c->supernodes + s;
+        if (super->parent == DGFEM_NONE || c->supernodes[super->parent].task == super->task) continue;
+        super->update = used;
+        used = dgfemi_add_product(used, dgfemi_update_size(c, super), 1);
+    }
+    return used;
 }
 
 /* Fronts whose update is left to BLAS where there is one. */
@@ -16516,35 +16656,32 @@ static size_t dgfemi_reserve(size_t *used, size_t count) {
 /* Reserves what factorizations and solves need. 0 when out of memory. */
 static int dgfemi_plan_memory(dgfem_cholesky *c, const dgfemi_analysis *a) {
     int strip = c->kernels->strip, s, own = 0, below = 0;
-    size_t start[8], values = 0, packed = 0, used = 0;
+    size_t start[7], values, packed = 0, used = 0;
     dgfem_real *base;
     for (s = 0; s < c->supernode_count; s++) {
-        dgfemi_supernode *super = c->supernodes + s;
+        const dgfemi_supernode *super = c->supernodes + s;
         int d = dgfemi_whole_strips(super->width, strip), b = dgfemi_whole_strips(super->height, strip);
-        super->values = values;
-        values = dgfemi_add_product(values, dgfemi_panel_size(c, super), 1);
         if (d > own) own = d;
         if (b > below) below = b;
         if (dgfemi_is_for_blas(super) && (size_t)super->width * (size_t)super->height > packed)
             packed = (size_t)super->width * (size_t)super->height;
     }
     /* a tile at the edge of the last panel may read, but not use, what is behind it */
+    values = dgfemi_plan_fronts(c, a->scratch[0]);
     start[0] = dgfemi_reserve(&used, dgfemi_add_product(values, (size_t)strip, (size_t)c->kernels->tile));
-    start[1] = dgfemi_reserve(&used, dgfemi_plan_updates(c, a->scratch[0]));
-    start[2] = dgfemi_reserve(&used, (size_t)own * (size_t)strip);
-    start[3] = dgfemi_reserve(&used, (size_t)below * (size_t)strip);
-    start[4] = dgfemi_reserve(&used, dgfemi_add_product(0, (size_t)c->size, DGFEM_SOLVES));
-    start[5] = dgfemi_reserve(&used, (size_t)c->size);
-    start[6] = dgfemi_reserve(&used, packed);
-    start[7] = dgfemi_reserve(&used, dgfemi_add_product(0, (size_t)own * (size_t)strip, (size_t)c->kernels->lanes));
+    start[1] = dgfemi_reserve(&used, (size_t)own * (size_t)strip);
+    start[2] = dgfemi_reserve(&used, (size_t)below * (size_t)strip);
+    start[3] = dgfemi_reserve(&used, dgfemi_add_product(0, (size_t)c->size, DGFEM_SOLVES));
+    start[4] = dgfemi_reserve(&used, (size_t)c->size);
+    start[5] = dgfemi_reserve(&used, packed);
+    start[6] = dgfemi_reserve(&used, dgfemi_add_product(0, (size_t)own * (size_t)strip, (size_t)c->kernels->lanes));
     used = dgfemi_add_product(used, DGFEM_CACHE_LINE / sizeof(dgfem_real), 1);
     c->memory = dgfemi_allocate(&c->hooks, used, sizeof(dgfem_real));
     if (!c->memory) return 0;
     base = (dgfem_real *)(((uintptr_t)c->memory + DGFEM_CACHE_LINE - 1) & ~(uintptr_t)(DGFEM_CACHE_LINE - 1));
     memset(base + start[0] + values, 0, (size_t)strip * (size_t)c->kernels->tile * sizeof *base);
-    c->values = base + start[0], c->updates = base + start[1], c->own = base + start[2];
-    c->below = base + start[3], c->x = base + start[4], c->diagonal = base + start[5];
-    c->packed = base + start[6], c->sums = base + start[7];
+    c->values = base + start[0], c->own = base + start[1], c->below = base + start[2], c->x = base + start[3];
+    c->diagonal = base + start[4], c->packed = base + start[5], c->sums = base + start[6];
     return 1;
 }
 
@@ -16735,7 +16872,7 @@ static void dgfemi_add_children(const dgfemi_front *f, int first, int last, int 
         int first_run = in_panel ? child->run_start : child->run_middle;
         int start = dgfemi_find_segment(c, child->segment_start, child->segment_end, first);
         int end = dgfemi_find_segment(c, start, child->segment_end, last);
-        extension.child = c->updates + child->update;
+        extension.child = c->values + child->update;
         extension.runs = c->runs + first_run;
         extension.run_count = (in_panel ? child->run_middle : child->run_end) - first_run;
         if (start < end) c->kernels->add_update(&extension, start, end);
@@ -16847,7 +16984,7 @@ static int dgfemi_factor_front(dgfem_cholesky *c, int s, const dgfem_matrix *mat
     front.c = c;
     front.super = super;
     front.panel = dgfemi_panel_of(c, super);
-    front.update = c->updates + super->update;
+    front.update = c->values + super->update;
     front.diagonal = c->diagonal + super->column;
     front.pivot_strips = dgfemi_whole_strips(super->width, strip);
     front.strips = dgfemi_whole_strips(super->height, strip);
@@ -17667,18 +17804,20 @@ static int dgfemi_face_meets_ray(const dgfem_mesh *mesh, const dgfem_face *face,
     return inside;
 }
 
-/* 1 inside and on a face. Parity of the faces that a ray passes through; where it passes an edge closely or touches a
-   face, the solid angles decide. */
+/* 1 inside and on a face. Behind the planes of all faces, or by the parity of the faces that a ray passes through;
+   where it passes an edge closely or touches a face, the solid angles decide. */
 static int dgfemi_element_contains(const dgfem_mesh *mesh, int element, dgfem_vec3 x) {
     const dgfem_element *e = &mesh->elements[element];
     dgfem_real near = DGFEM_ON_FACE * e->radius;
-    int inside = 0;
+    int inside = 0, behind = 1; /* all planes of faces: inside, then, in any element */
     for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
         const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
         dgfem_real height = dgfemi_dot(face->normal, dgfemi_sub(x, face->centre));
+        behind &= dgfemi_abs(height) > near && (height < 0) == (face->element[0] == element);
         if (dgfemi_abs(height) > near) continue;
         if (dgfemi_face_covers(mesh, face, dgfemi_add_scaled(x, -height, face->normal))) return 1;
     }
+    if (behind) return 1;
     for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
         const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
         int meets = dgfemi_face_meets_ray(mesh, face, x, near);
@@ -17818,6 +17957,13 @@ static dgfemi_location dgfemi_locate_in(const dgfem_mesh *mesh, int element, dgf
 /* Whether an element contains a point and has all of its faces farther away than `margin`. */
 static int dgfemi_element_encloses(const dgfem_mesh *mesh, int element, dgfem_vec3 x, dgfem_real margin) {
     const dgfem_element *e = &mesh->elements[element];
+    int behind = 1; /* all planes of faces */
+    for (int k = e->face_start; behind && k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        dgfem_real height = dgfemi_dot(face->normal, dgfemi_sub(x, face->centre));
+        behind = dgfemi_abs(height) > margin && (height < 0) == (face->element[0] == element);
+    }
+    if (behind) return 1;
     for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
         const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
         if (!dgfemi_face_is_farther(face, x, margin) &&
@@ -18207,8 +18353,10 @@ typedef struct dgfemi_view {
     int element_count; /* elements that may have to be passed, each beside an earlier one; the first is the home */
     int *element, *neighbour_start, *neighbour; /* glued neighbours, as places in this list */
     dgfem_real *box[6];                         /* their boxes: lower x, y, z, upper x, y, z */
+    char *straight;                             /* [elements] 1: no point's way there is longer than it must be */
     int sample_count;                           /* samples that may be seen, ascending */
     int *sample, *term_start, *term;            /* their elements, as places in the list */
+    char *plain;                                /* [samples] 1: lies in the box of a straight element */
     dgfem_real *at[3], *square;                 /* their positions and R_k^2 */
     int all;                                    /* samples that are connected to the home */
     int *first, *count;                         /* [points] results; count DGFEM_NONE: poorly served */
@@ -18311,6 +18459,7 @@ static int dgfemi_view_allocate(dgfemi_arena *arena, const dgfemi_viewer *viewer
     size_t points = (size_t)view->point_count, neighbours = 0, terms = 0;
     dgfem_real *reals;
     int *ints;
+    char *chars = (char *)dgfemi_arena_allocate(arena, elements + samples, 1);
     for (size_t i = 0; i < elements; i++)
         neighbours += (size_t)(sampling->neighbour_start[viewer->element[i] + 1] -
                                sampling->neighbour_start[viewer->element[i]]);
@@ -18319,7 +18468,8 @@ static int dgfemi_view_allocate(dgfemi_arena *arena, const dgfemi_viewer *viewer
     reals = (dgfem_real *)dgfemi_arena_allocate(arena, 8 * elements + (9 + points) * samples, sizeof *reals);
     ints = (int *)dgfemi_arena_allocate(
         arena, 3 * elements + 1 + neighbours + (3 + points) * samples + 1 + terms + 2 * points, sizeof *ints);
-    if (!reals || !ints) return 0;
+    if (!reals || !ints || !chars) return 0;
+    view->straight = chars, view->plain = chars + elements;
     for (int axis = 0; axis < 6; axis++) view->box[axis] = reals, reals += elements;
     view->near = reals, reals += elements;
     view->way = reals, reals += elements;
@@ -18345,6 +18495,29 @@ static int dgfemi_view_allocate(dgfemi_arena *arena, const dgfemi_viewer *viewer
     return 1;
 }
 
+/* Whether box j is no farther than box i from any point between a and b: along each axis it reaches as far towards the
+   points, or to all of them. */
+static int dgfemi_view_is_nearer(const dgfemi_view *view, int j, int i, dgfem_vec3 a, dgfem_vec3 b) {
+    for (int axis = 0; axis < 3; axis++) {
+        const dgfem_real *lower = view->box[axis], *upper = view->box[3 + axis];
+        if (lower[j] > lower[i] && lower[j] > dgfemi_axis(a, axis)) return 0;
+        if (upper[j] < upper[i] && upper[j] < dgfemi_axis(b, axis)) return 0;
+    }
+    return 1;
+}
+
+/* Fills `straight`, seen from between a and b: reached through straight elements that are nearer. */
+static void dgfemi_view_find_straight(dgfemi_view *view, dgfem_vec3 a, dgfem_vec3 b) {
+    view->straight[0] = 1;
+    for (int i = 1; i < view->element_count; i++) {
+        view->straight[i] = 0;
+        for (int k = view->neighbour_start[i]; !view->straight[i] && k < view->neighbour_start[i + 1]; k++) {
+            int j = view->neighbour[k];
+            view->straight[i] = j < i && view->straight[j] && dgfemi_view_is_nearer(view, j, i, a, b);
+        }
+    }
+}
+
 static void dgfemi_view_fill_elements(const dgfemi_viewer *viewer, dgfemi_view *view) {
     const dgfemi_sampling *sampling = viewer->sampling;
     int total = 0;
@@ -18363,18 +18536,23 @@ static void dgfemi_view_fill_elements(const dgfemi_viewer *viewer, dgfemi_view *
 }
 
 static void dgfemi_view_fill_samples(const dgfemi_viewer *viewer, dgfemi_view *view) {
-    const dgfem_embedding *embedding = viewer->sampling->embedding;
+    const dgfemi_sampling *sampling = viewer->sampling;
+    const dgfem_embedding *embedding = sampling->embedding;
     int total = 0;
     for (int i = 0; i < view->sample_count; i++) {
         int s = viewer->sample[i];
         dgfem_vec3 x = embedding->samples[s];
-        view->sample[i] = s, view->term_start[i] = total;
+        view->sample[i] = s, view->term_start[i] = total, view->plain[i] = 0;
         view->at[0][i] = x.x, view->at[1][i] = x.y, view->at[2][i] = x.z;
-        view->square[i] = viewer->sampling->radius[s] * viewer->sampling->radius[s];
+        view->square[i] = sampling->radius[s] * sampling->radius[s];
         for (int t = embedding->term_start[s]; t < embedding->term_start[s + 1]; t++) {
             int e = embedding->term_element[t];
-            view->term[total] = viewer->place[e];
-            total += viewer->mark[e] == viewer->stamp && viewer->place[e] != DGFEM_NONE;
+            int place = viewer->mark[e] == viewer->stamp ? viewer->place[e] : DGFEM_NONE;
+            if (place == DGFEM_NONE) continue;
+            view->term[total++] = place;
+            if (view->straight[place] && !view->plain[i]) /* corners lie in the box; round-off may move a centre out */
+                view->plain[i] = s >= sampling->mesh->element_count ||
+                                 !(dgfemi_box_square(sampling->locator->lower[e], sampling->locator->upper[e], x) > 0);
         }
     }
     view->term_start[view->sample_count] = total;
@@ -18397,6 +18575,7 @@ static int dgfemi_view_make(dgfemi_arena *arena, dgfemi_viewer *viewer, int home
     view->sample_count = dgfemi_viewer_find_samples(viewer, view->element_count, lower, upper);
     if (!dgfemi_view_allocate(arena, viewer, view)) return 0;
     dgfemi_view_fill_elements(viewer, view);
+    dgfemi_view_find_straight(view, lower, upper);
     dgfemi_view_fill_samples(viewer, view);
     return 1;
 }
@@ -18411,8 +18590,8 @@ static dgfem_real dgfemi_view_way(const dgfemi_view *view, int i) {
     return dgfemi_max(shortest, view->near[i]);
 }
 
-/* Fills `near` and `way`. Most ways are no longer than they must be, as a neighbour's is; the others (`blocked`) are
-   shortened as long as a neighbour's way has been. */
+/* Fills `near` and `way`. Most ways are no longer than they must be, as to straight elements or as a neighbour's is;
+   the others (`blocked`) are shortened as long as a neighbour's way has been. */
 static void dgfemi_view_find_ways(dgfemi_view *view, dgfem_vec3 x) {
     int blocked = 0, shortened = 1;
     for (int i = 0; i < view->element_count; i++) {
@@ -18424,7 +18603,7 @@ static void dgfemi_view_find_ways(dgfemi_view *view, dgfem_vec3 x) {
     }
     view->way[0] = 0;
     for (int i = 1; i < view->element_count; i++) {
-        view->way[i] = dgfemi_view_way(view, i);
+        view->way[i] = view->straight[i] ? view->near[i] : dgfemi_view_way(view, i);
         if (view->way[i] > view->near[i]) view->blocked[blocked++] = i;
     }
     while (shortened) {
@@ -18455,11 +18634,12 @@ static dgfem_real dgfemi_window_exp(dgfem_real s) {
     return e * e;
 }
 
-/* Fills `pick` and `theta`, relative to the largest, so that far samples alone do as well as near ones. Returns the
-   number of samples that reach x. */
+/* Fills `pick` and `theta`, relative to the largest, so that far samples alone do as well as near ones. To a plain
+   sample no way is longer than its distance; where all are plain, ways are not looked for. Returns the number of
+   samples that reach x. */
 static int dgfemi_view_find_seen(dgfemi_view *view, dgfem_vec3 x) {
     dgfem_real largest = 0;
-    int near = 0, count = 0;
+    int near = 0, count = 0, plain = 1;
     for (int k = 0; k < view->sample_count; k++) {
         dgfem_real dx = view->at[0][k] - x.x, dy = view->at[1][k] - x.y, dz = view->at[2][k] - x.z;
         view->distance[k] = dx * dx + dy * dy + dz * dz;
@@ -18468,9 +18648,11 @@ static int dgfemi_view_find_seen(dgfemi_view *view, dgfem_vec3 x) {
         view->pick[near] = k;
         near += view->distance[k] < view->square[k];
     }
+    for (int i = 0; i < near; i++) plain &= view->plain[view->pick[i]];
+    if (!plain) dgfemi_view_find_ways(view, x);
     for (int i = 0; i < near; i++) {
         int k = view->pick[i];
-        dgfem_real s, way = view->way[view->term[view->term_start[k]]];
+        dgfem_real s, way = view->plain[k] ? 0 : view->way[view->term[view->term_start[k]]];
         for (int t = view->term_start[k] + 1; t < view->term_start[k + 1] && way > view->distance[k]; t++)
             way = dgfemi_min(way, view->way[view->term[t]]);
         s = dgfemi_max(way, view->distance[k]) / view->square[k];
@@ -18600,7 +18782,6 @@ static int dgfemi_view_weigh(dgfemi_view *view, int point, int first, int round)
     dgfem_vec3 x = view->embedding->points[point];
     dgfemi_fit fit;
     int count, found;
-    dgfemi_view_find_ways(view, view->embedding->point_window[point]);
     count = dgfemi_view_find_seen(view, view->embedding->point_window[point]);
     found = round >= DGFEM_MAX_ROUNDS || count == view->all; /* there are no more */
     if (!found && count < DGFEM_MIN_POINT_SAMPLES) return DGFEM_NONE;
@@ -19789,9 +19970,14 @@ static dgfem_mat3 dgfemi_mean_gradient(const dgfem_body *body, int element) {
     const dgfemi_element_form *form = &body->forms->elements[element];
     const dgfem_vec3 *u = body->displacement + body->basis_start[element];
     const dgfem_real *moments = dgfemi_form_load(body->forms, element);
-    dgfem_real inverse = 1 / (body->scale[element] * moments[0]);
+    dgfem_real inverse = 1 / (body->scale[element] * moments[0]), slope = 1 / body->scale[element];
     dgfem_mat3 f = dgfemi_identity();
-    for (int j = 1; j < form->count; j++)
+    for (int a = 0; a < 3; a++) {
+        f.m[0][a] += slope * u[1 + a].x;
+        f.m[1][a] += slope * u[1 + a].y;
+        f.m[2][a] += slope * u[1 + a].z;
+    }
+    for (int j = 4; j < form->count; j++)
         for (int a = 0; a < 3; a++) {
             int lower = dgfemi_derivative_index(j, a);
             if (lower == DGFEM_NONE) continue;
@@ -19986,10 +20172,10 @@ DGFEM_INLINE void dgfemi_add_block(dgfem_real *out, int columns, const dgfem_rea
     for (int p = 0; p < 3; p++, out += columns, k += 3) out[0] += k[0], out[1] += k[1], out[2] += k[2];
 }
 
-/* One assembly. It goes through the matrix row by row, so that what it adds to is in cache: a face comes with the row of
-   its later element. Of several threads each has its chunks of rows; then a face between two chunks is computed for both
-   of them, for the earlier one after all others. So every block and every force receives its parts in the same order,
-   whatever the chunks. */
+/* One assembly. It goes through the matrix row by row, so that what it adds to is in cache: a face comes with the row
+   of its later element. Of several threads each has its chunks of rows; then a face between two chunks is computed for
+   both of them, for the earlier one after all others. So every block and every force receives its parts in the same
+   order, whatever the chunks. */
 typedef struct dgfemi_assembly {
     const dgfem_body *body;
     const dgfem_mat3 *rotation;
@@ -20000,9 +20186,9 @@ typedef struct dgfemi_assembly {
     int late[DGFEM_MOST_CHUNKS]; /* the first face between each chunk and a later one, or DGFEM_NONE */
 } dgfemi_assembly;
 
-/* The matrices that the integrals of a pair of functions belong to: those of the penalty; of the tractions of each side,
-   for the columns of a pair; their transposes, for its rows. And what the tractions make of (R - I) X0_j: a vector for
-   each j and entry. */
+/* The matrices that the integrals of a pair of functions belong to: those of the penalty; of the tractions of each
+   side, for the columns of a pair; their transposes, for its rows. And what the tractions make of (R - I) X0_j: a vector
+   for each j and entry. */
 typedef struct dgfemi_face_terms {
     dgfem_real penalty[2 * DGFEM_MATRIX_STRIDE];
     dgfem_real traction[2][3 * DGFEM_MATRIX_STRIDE], adjoint[2][3 * DGFEM_MATRIX_STRIDE];

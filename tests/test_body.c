@@ -221,6 +221,47 @@ static void test_rotation_of_inverted_and_singular(void **state) {
     check_near(dgfem_rotation_of(matrix(line), fallback).m[0][0], 42, 0);
 }
 
+/* R is a rotation and R^T F symmetric and positive definite, for small and for large strains, near to where one way of
+   computing it gives way to another too. */
+static void test_rotation_of_strained(void **state) {
+    static const double strains[6] = {0, 1e-7, 0.01, 0.1, 0.2, 0.6};
+    check_random random = check_random_seeded(31);
+    (void)state;
+    for (int k = 0; k < 3000; k++) {
+        double strain = strains[k % 6];
+        dgfem_vec3 axis = check_random_vec3(&random, -1, 1);
+        dgfem_mat3 turn = rotation_minus_identity((double)axis.x, (double)axis.y, (double)axis.z,
+                                                  check_random_real(&random, 0, 6.28));
+        dgfem_mat3 stretch, f, r, s, unit;
+        for (int p = 0; p < 3; p++) {
+            turn.m[p][p] += 1;
+            for (int q = 0; q <= p; q++) {
+                double value = check_random_real(&random, -strain, strain) / 2;
+                stretch.m[p][q] = stretch.m[q][p] = (dgfem_real)((p == q) + value);
+            }
+        }
+        memset(&f, 0, sizeof f);
+        memset(&s, 0, sizeof s);
+        memset(&unit, 0, sizeof unit);
+        for (int i = 0; i < 27; i++) {
+            int p = i / 9, q = i / 3 % 3, l = i % 3;
+            f.m[p][q] += turn.m[p][l] * stretch.m[l][q];
+        }
+        r = dgfem_rotation_of(f, unit);
+        for (int i = 0; i < 27; i++) {
+            int p = i / 9, q = i / 3 % 3, l = i % 3;
+            s.m[p][q] += r.m[l][p] * f.m[l][q];
+            unit.m[p][q] += r.m[l][p] * r.m[l][q];
+        }
+        for (int i = 0; i < 9; i++) {
+            int p = i / 3, q = i % 3;
+            check_near(unit.m[p][q], p == q ? 1 : 0, 20 * CHECK_EPSILON);
+            check_near(s.m[p][q], s.m[q][p], 40 * CHECK_EPSILON);
+            if (strain <= 0.2) check_near(r.m[p][q], turn.m[p][q], 40 * CHECK_EPSILON);
+        }
+    }
+}
+
 /* ---- beams of the literature ---- */
 
 static dgfem_vec3 beam_tip(dgfem_body_desc *desc) {
@@ -843,6 +884,7 @@ int main(void) {
         cmocka_unit_test(test_patch_mixed_degrees),
         cmocka_unit_test(test_rigid_motion_gives_no_force),
         cmocka_unit_test(test_rotation_of_inverted_and_singular),
+        cmocka_unit_test(test_rotation_of_strained),
         cmocka_unit_test(test_linear_cantilever),
         cmocka_unit_test(test_warped_cantilever),
         cmocka_unit_test(test_pcg_agrees_with_cholesky),

@@ -373,6 +373,55 @@ static void automatic_choice_takes_what_needs_less_work(void **state) {
     check_blocks_free(&blocks);
 }
 
+/* Nodes of three unknowns, all those of a cell of 2^dimension nodes coupled, as in conforming elements; `pieces` of it
+   that nothing couples. */
+static check_blocks node_mesh(int wide, int dimension, int pieces) {
+    int high = dimension == 3 ? wide : 1, count = wide * wide * high, piece, i, k, m;
+    check_blocks blocks = check_blocks_make(pieces * count, 3);
+    for (piece = 0; piece < pieces; piece++)
+        for (i = 0; i < count; i++) {
+            int x = i % wide, y = i / wide % wide, z = i / (wide * wide), corner[8];
+            dgfem_vec3 *centre = blocks.centres + piece * count + i;
+            centre->x = (dgfem_real)(x + piece * (wide / 2)), centre->y = (dgfem_real)y, centre->z = (dgfem_real)z;
+            if (x + 1 == wide || y + 1 == wide || (dimension == 3 && z + 1 == wide)) continue;
+            for (k = 0; k < 1 << dimension; k++)
+                corner[k] = piece * count + i + k % 2 + k / 2 % 2 * wide + k / 4 * wide * wide;
+            for (k = 0; k < 1 << dimension; k++)
+                for (m = 0; m < k; m++) check_blocks_couple(&blocks, corner[k], corner[m]);
+        }
+    return blocks;
+}
+
+static void check_same_order_twice(const check_blocks *blocks, dgfem_ordering ordering) {
+    dgfem_matrix *matrix = check_matrix_make(blocks, 1);
+    dgfem_cholesky *first = analyse(matrix, ordering), *second = analyse(matrix, ordering);
+    assert_memory_equal(first->order, second->order, (size_t)blocks->count * sizeof(int));
+    dgfem_cholesky_destroy(first);
+    dgfem_cholesky_destroy(second);
+    dgfem_matrix_destroy(matrix);
+}
+
+/* As shells and conforming solids have them: also in pieces that overlap, and with a node that all others are coupled
+   to. */
+static void dissection_suits_meshes_of_nodes(void **state) {
+    int kind;
+    (void)state;
+    for (kind = 0; kind < 4; kind++) {
+        int dimension = kind % 2 + 2, pieces = kind < 2 ? 1 : 2, i;
+        check_blocks blocks = node_mesh(dimension == 2 ? 60 : 14, dimension, pieces);
+        double degree = check_order(&blocks, DGFEM_ORDERING_MINIMUM_DEGREE).flops;
+        double dissection = check_order(&blocks, DGFEM_ORDERING_NESTED_DISSECTION).flops, dense;
+        print_message("GFLOP: minimum degree %.4f, dissection %.4f\n", 1e-9 * degree, 1e-9 * dissection);
+        assert_true(dissection < (kind == 1 ? 0.6 : 0.9) * degree);
+        check_same_order_twice(&blocks, DGFEM_ORDERING_NESTED_DISSECTION);
+        check_same_order_twice(&blocks, DGFEM_ORDERING_AUTO);
+        for (i = 0; i + 1 < blocks.count; i++) check_blocks_couple(&blocks, blocks.count - 1, i);
+        dense = check_order(&blocks, DGFEM_ORDERING_AUTO).flops;
+        assert_true(dense < 1.3 * dissection);
+        check_blocks_free(&blocks);
+    }
+}
+
 /* Where a factorization is little work dissection is not tried; where it is much it is. */
 static void quick_choice_tries_dissection_of_large_grids_only(void **state) {
     check_blocks small = check_blocks_grid(6, 6, 6, 12), large = check_blocks_grid(10, 10, 10, 12);
@@ -627,6 +676,57 @@ static void every_allocation_may_fail(void **state) {
     check_blocks_free(&blocks);
 }
 
+/* Fronts may run at the same time if both are in tasks, not in the same one; otherwise in ascending order, tasks first. */
+static int is_before(const dgfem_cholesky *c, int s, int t) {
+    int task[2];
+    task[0] = c->supernodes[s].task, task[1] = c->supernodes[t].task;
+    if (task[0] != task[1]) return task[0] != DGFEM_NONE && task[1] == DGFEM_NONE;
+    return s < t;
+}
+
+static int is_apart(size_t a, size_t a_size, size_t b, size_t b_size) { return a + a_size <= b || b + b_size <= a; }
+
+/* However the fronts are distributed: no panel and no update is made where an update still waits for its parent, or where
+   a panel is. With one thread the room for all is little more than L. */
+static void updates_share_little_memory(void **state) {
+    check_blocks blocks = check_blocks_grid(10, 10, 10, 12);
+    dgfem_matrix *matrix = check_matrix_make(&blocks, 1);
+    dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
+    check_workers workers;
+    int threads;
+    (void)state;
+    workers.count = 2, workers.loops = 0;
+    for (threads = 0; threads < 2; threads++) {
+        dgfem_cholesky *c = NULL;
+        double kept;
+        int s, t;
+        desc.hooks.parallel_for = threads ? check_parallel_for : NULL;
+        desc.hooks.parallel_for_user = &workers;
+        desc.simd = DGFEM_SIMD_NONE;
+        check_status(dgfem_cholesky_create(matrix, &desc, &c), DGFEM_OK);
+        for (s = 0; s < c->supernode_count; s++)
+            for (t = 0; t < c->supernode_count; t++) {
+                const dgfemi_supernode *a = c->supernodes + s, *b = c->supernodes + t;
+                size_t a_panel = dgfemi_panel_size(c, a), b_panel = dgfemi_panel_size(c, b);
+                size_t a_update = dgfemi_update_size(c, a), b_update = dgfemi_update_size(c, b);
+                if (s != t) assert_true(is_apart(a->values, a_panel, b->values, b_panel));
+                if (a->parent == DGFEM_NONE) continue;
+                assert_true(c->values + a->update + a_update <= c->own);
+                if (is_before(c, a->parent, t)) continue; /* a's update has been dropped by then */
+                if (b->parent != DGFEM_NONE && s != t && !is_before(c, b->parent, s))
+                    assert_true(is_apart(a->update, a_update, b->update, b_update));
+                /* b's panel is there when a's update is made, or is made while that waits */
+                assert_true(is_apart(a->update, a_update, b->values, b_panel));
+            }
+        kept = (double)(c->own - c->values) / c->factor_entries;
+        print_message("%d supernodes in %d tasks: %.2f times the size of L\n", c->supernode_count, c->task_count, kept);
+        if (!threads) assert_true(kept < 1.6); /* tasks share little */
+        dgfem_cholesky_destroy(c);
+    }
+    dgfem_matrix_destroy(matrix);
+    check_blocks_free(&blocks);
+}
+
 /* Factorizations and solves allocate nothing, and what they give depends on nothing but the numbers. */
 static void repeated_factorizations_give_the_same_bits(void **state) {
     check_random random = check_random_seeded(13);
@@ -819,6 +919,7 @@ int main(void) {
         cmocka_unit_test(dissection_narrows_rough_separators),
         cmocka_unit_test(automatic_choice_takes_what_needs_less_work),
         cmocka_unit_test(quick_choice_tries_dissection_of_large_grids_only),
+        cmocka_unit_test(dissection_suits_meshes_of_nodes),
         cmocka_unit_test(minimum_degree_makes_no_fill_in_trees),
         cmocka_unit_test(failed_pivots_name_their_block),
         cmocka_unit_test(pivots_without_a_correct_digit_fail),
@@ -827,6 +928,7 @@ int main(void) {
         cmocka_unit_test(bad_arguments_are_refused),
         cmocka_unit_test(empty_system_is_solved),
         cmocka_unit_test(every_allocation_may_fail),
+        cmocka_unit_test(updates_share_little_memory),
         cmocka_unit_test(repeated_factorizations_give_the_same_bits),
         cmocka_unit_test(many_right_hand_sides_are_solved_as_one),
         cmocka_unit_test(workers_change_no_bit),

@@ -822,8 +822,8 @@ static void test_smallest(void **state) {
     dgfem_body_destroy(body);
 }
 
-/* The same for a body that still hangs together: thirty random triangles through 27 cubes. h^2 K is hundreds of times
-   M here. */
+/* The same for a body that still hangs together: thirty random triangles through 27 cubes (in float, where sanitizers
+   make the eigenvalues dear, ten). h^2 K is hundreds of times M here. */
 static void test_condition(void **state) {
     (void)state;
     check_random random = check_random_seeded(31);
@@ -833,7 +833,8 @@ static void test_condition(void **state) {
     dgfem_body *body = make_box(&base, 3, 3, 3, 1, 1, 1);
     fitness whole = measure_fitness(body, &random), now;
     desc.smallest = (dgfem_real)0.1 / 3;
-    for (int c = 0; c < 30; c++) {
+    const int cuts = DGFEM_REAL_IS_FLOAT && !check_long() ? 10 : 30;
+    for (int c = 0; c < cuts; c++) {
         dgfem_vec3 corners[3], x = check_random_vec3(&random, 0, 1);
         for (int k = 0; k < 3; k++) {
             dgfem_vec3 d = check_random_vec3(&random, -0.4, 0.4);
@@ -841,7 +842,7 @@ static void test_condition(void **state) {
         }
         check_status(dgfem_body_cut_polygon(body, dgfem_points_in_vec3(corners, 3), &desc, NULL), DGFEM_OK);
     }
-    assert_true(body->mesh->element_count > 100);
+    assert_true(body->mesh->element_count > 27 + 2 * cuts);
     now = measure_fitness(body, &random);
     print_fitness(&now, &whole, body->mesh->element_count, piece_count(body, NULL, 0));
     assert_true(now.condition[SCALING_BLOCKS] <= 10 * whole.condition[SCALING_BLOCKS]);

@@ -39,7 +39,7 @@ typedef struct scene {
     int with_cut;
 } scene;
 
-/* Mostly of degree 1; a hundred blocks of other sizes among them. */
+/* Mostly of degree 1, a fifth of others; in float, where sanitizers make large blocks dear, a twentieth. */
 static dgfem_body *create(const scene *s, dgfem_hooks hooks) {
     enum { ELEMENTS = 8 * 7 * 6 };
     dgfem_grid_desc grid = dgfem_default_grid_desc();
@@ -55,7 +55,7 @@ static dgfem_body *create(const scene *s, dgfem_hooks hooks) {
     check_status(dgfem_mesh_create_grid(&grid, &desc.mesh), DGFEM_OK);
     for (e = 0; e < ELEMENTS; e++) {
         int kind = check_random_int(&random, 20);
-        degrees[e] = kind == 0 ? 3 : kind < 4 ? 2 : 1;
+        degrees[e] = kind == 0 ? 3 : kind < 4 && !DGFEM_REAL_IS_FLOAT ? 2 : 1;
         materials[e] = desc.material;
         materials[e].young = (dgfem_real)check_random_real(&random, 1e5, 4e5);
     }

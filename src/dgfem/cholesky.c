@@ -141,7 +141,7 @@ static void dgfemi_add_children(const dgfemi_front *f, int first, int last, int 
         int first_run = in_panel ? child->run_start : child->run_middle;
         int start = dgfemi_find_segment(c, child->segment_start, child->segment_end, first);
         int end = dgfemi_find_segment(c, start, child->segment_end, last);
-        extension.child = c->updates + child->update;
+        extension.child = c->values + child->update;
         extension.runs = c->runs + first_run;
         extension.run_count = (in_panel ? child->run_middle : child->run_end) - first_run;
         if (start < end) c->kernels->add_update(&extension, start, end);
@@ -253,7 +253,7 @@ static int dgfemi_factor_front(dgfem_cholesky *c, int s, const dgfem_matrix *mat
     front.c = c;
     front.super = super;
     front.panel = dgfemi_panel_of(c, super);
-    front.update = c->updates + super->update;
+    front.update = c->values + super->update;
     front.diagonal = c->diagonal + super->column;
     front.pivot_strips = dgfemi_whole_strips(super->width, strip);
     front.strips = dgfemi_whole_strips(super->height, strip);

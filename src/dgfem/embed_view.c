@@ -18,8 +18,10 @@ typedef struct dgfemi_view {
     int element_count; /* elements that may have to be passed, each beside an earlier one; the first is the home */
     int *element, *neighbour_start, *neighbour; /* glued neighbours, as places in this list */
     dgfem_real *box[6];                         /* their boxes: lower x, y, z, upper x, y, z */
+    char *straight;                             /* [elements] 1: no point's way there is longer than it must be */
     int sample_count;                           /* samples that may be seen, ascending */
     int *sample, *term_start, *term;            /* their elements, as places in the list */
+    char *plain;                                /* [samples] 1: lies in the box of a straight element */
     dgfem_real *at[3], *square;                 /* their positions and R_k^2 */
     int all;                                    /* samples that are connected to the home */
     int *first, *count;                         /* [points] results; count DGFEM_NONE: poorly served */
@@ -122,6 +124,7 @@ static int dgfemi_view_allocate(dgfemi_arena *arena, const dgfemi_viewer *viewer
     size_t points = (size_t)view->point_count, neighbours = 0, terms = 0;
     dgfem_real *reals;
     int *ints;
+    char *chars = (char *)dgfemi_arena_allocate(arena, elements + samples, 1);
     for (size_t i = 0; i < elements; i++)
         neighbours += (size_t)(sampling->neighbour_start[viewer->element[i] + 1] -
                                sampling->neighbour_start[viewer->element[i]]);
@@ -130,7 +133,8 @@ static int dgfemi_view_allocate(dgfemi_arena *arena, const dgfemi_viewer *viewer
     reals = (dgfem_real *)dgfemi_arena_allocate(arena, 8 * elements + (9 + points) * samples, sizeof *reals);
     ints = (int *)dgfemi_arena_allocate(
         arena, 3 * elements + 1 + neighbours + (3 + points) * samples + 1 + terms + 2 * points, sizeof *ints);
-    if (!reals || !ints) return 0;
+    if (!reals || !ints || !chars) return 0;
+    view->straight = chars, view->plain = chars + elements;
     for (int axis = 0; axis < 6; axis++) view->box[axis] = reals, reals += elements;
     view->near = reals, reals += elements;
     view->way = reals, reals += elements;
@@ -156,6 +160,29 @@ static int dgfemi_view_allocate(dgfemi_arena *arena, const dgfemi_viewer *viewer
     return 1;
 }
 
+/* Whether box j is no farther than box i from any point between a and b: along each axis it reaches as far towards the
+   points, or to all of them. */
+static int dgfemi_view_is_nearer(const dgfemi_view *view, int j, int i, dgfem_vec3 a, dgfem_vec3 b) {
+    for (int axis = 0; axis < 3; axis++) {
+        const dgfem_real *lower = view->box[axis], *upper = view->box[3 + axis];
+        if (lower[j] > lower[i] && lower[j] > dgfemi_axis(a, axis)) return 0;
+        if (upper[j] < upper[i] && upper[j] < dgfemi_axis(b, axis)) return 0;
+    }
+    return 1;
+}
+
+/* Fills `straight`, seen from between a and b: reached through straight elements that are nearer. */
+static void dgfemi_view_find_straight(dgfemi_view *view, dgfem_vec3 a, dgfem_vec3 b) {
+    view->straight[0] = 1;
+    for (int i = 1; i < view->element_count; i++) {
+        view->straight[i] = 0;
+        for (int k = view->neighbour_start[i]; !view->straight[i] && k < view->neighbour_start[i + 1]; k++) {
+            int j = view->neighbour[k];
+            view->straight[i] = j < i && view->straight[j] && dgfemi_view_is_nearer(view, j, i, a, b);
+        }
+    }
+}
+
 static void dgfemi_view_fill_elements(const dgfemi_viewer *viewer, dgfemi_view *view) {
     const dgfemi_sampling *sampling = viewer->sampling;
     int total = 0;
@@ -174,18 +201,23 @@ static void dgfemi_view_fill_elements(const dgfemi_viewer *viewer, dgfemi_view *
 }
 
 static void dgfemi_view_fill_samples(const dgfemi_viewer *viewer, dgfemi_view *view) {
-    const dgfem_embedding *embedding = viewer->sampling->embedding;
+    const dgfemi_sampling *sampling = viewer->sampling;
+    const dgfem_embedding *embedding = sampling->embedding;
     int total = 0;
     for (int i = 0; i < view->sample_count; i++) {
         int s = viewer->sample[i];
         dgfem_vec3 x = embedding->samples[s];
-        view->sample[i] = s, view->term_start[i] = total;
+        view->sample[i] = s, view->term_start[i] = total, view->plain[i] = 0;
         view->at[0][i] = x.x, view->at[1][i] = x.y, view->at[2][i] = x.z;
-        view->square[i] = viewer->sampling->radius[s] * viewer->sampling->radius[s];
+        view->square[i] = sampling->radius[s] * sampling->radius[s];
         for (int t = embedding->term_start[s]; t < embedding->term_start[s + 1]; t++) {
             int e = embedding->term_element[t];
-            view->term[total] = viewer->place[e];
-            total += viewer->mark[e] == viewer->stamp && viewer->place[e] != DGFEM_NONE;
+            int place = viewer->mark[e] == viewer->stamp ? viewer->place[e] : DGFEM_NONE;
+            if (place == DGFEM_NONE) continue;
+            view->term[total++] = place;
+            if (view->straight[place] && !view->plain[i]) /* corners lie in the box; round-off may move a centre out */
+                view->plain[i] = s >= sampling->mesh->element_count ||
+                                 !(dgfemi_box_square(sampling->locator->lower[e], sampling->locator->upper[e], x) > 0);
         }
     }
     view->term_start[view->sample_count] = total;
@@ -208,6 +240,7 @@ static int dgfemi_view_make(dgfemi_arena *arena, dgfemi_viewer *viewer, int home
     view->sample_count = dgfemi_viewer_find_samples(viewer, view->element_count, lower, upper);
     if (!dgfemi_view_allocate(arena, viewer, view)) return 0;
     dgfemi_view_fill_elements(viewer, view);
+    dgfemi_view_find_straight(view, lower, upper);
     dgfemi_view_fill_samples(viewer, view);
     return 1;
 }
@@ -222,8 +255,8 @@ static dgfem_real dgfemi_view_way(const dgfemi_view *view, int i) {
     return dgfemi_max(shortest, view->near[i]);
 }
 
-/* Fills `near` and `way`. Most ways are no longer than they must be, as a neighbour's is; the others (`blocked`) are
-   shortened as long as a neighbour's way has been. */
+/* Fills `near` and `way`. Most ways are no longer than they must be, as to straight elements or as a neighbour's is;
+   the others (`blocked`) are shortened as long as a neighbour's way has been. */
 static void dgfemi_view_find_ways(dgfemi_view *view, dgfem_vec3 x) {
     int blocked = 0, shortened = 1;
     for (int i = 0; i < view->element_count; i++) {
@@ -235,7 +268,7 @@ static void dgfemi_view_find_ways(dgfemi_view *view, dgfem_vec3 x) {
     }
     view->way[0] = 0;
     for (int i = 1; i < view->element_count; i++) {
-        view->way[i] = dgfemi_view_way(view, i);
+        view->way[i] = view->straight[i] ? view->near[i] : dgfemi_view_way(view, i);
         if (view->way[i] > view->near[i]) view->blocked[blocked++] = i;
     }
     while (shortened) {
@@ -266,11 +299,12 @@ static dgfem_real dgfemi_window_exp(dgfem_real s) {
     return e * e;
 }
 
-/* Fills `pick` and `theta`, relative to the largest, so that far samples alone do as well as near ones. Returns the
-   number of samples that reach x. */
+/* Fills `pick` and `theta`, relative to the largest, so that far samples alone do as well as near ones. To a plain
+   sample no way is longer than its distance; where all are plain, ways are not looked for. Returns the number of
+   samples that reach x. */
 static int dgfemi_view_find_seen(dgfemi_view *view, dgfem_vec3 x) {
     dgfem_real largest = 0;
-    int near = 0, count = 0;
+    int near = 0, count = 0, plain = 1;
     for (int k = 0; k < view->sample_count; k++) {
         dgfem_real dx = view->at[0][k] - x.x, dy = view->at[1][k] - x.y, dz = view->at[2][k] - x.z;
         view->distance[k] = dx * dx + dy * dy + dz * dz;
@@ -279,9 +313,11 @@ static int dgfemi_view_find_seen(dgfemi_view *view, dgfem_vec3 x) {
         view->pick[near] = k;
         near += view->distance[k] < view->square[k];
     }
+    for (int i = 0; i < near; i++) plain &= view->plain[view->pick[i]];
+    if (!plain) dgfemi_view_find_ways(view, x);
     for (int i = 0; i < near; i++) {
         int k = view->pick[i];
-        dgfem_real s, way = view->way[view->term[view->term_start[k]]];
+        dgfem_real s, way = view->plain[k] ? 0 : view->way[view->term[view->term_start[k]]];
         for (int t = view->term_start[k] + 1; t < view->term_start[k + 1] && way > view->distance[k]; t++)
             way = dgfemi_min(way, view->way[view->term[t]]);
         s = dgfemi_max(way, view->distance[k]) / view->square[k];
@@ -411,7 +447,6 @@ static int dgfemi_view_weigh(dgfemi_view *view, int point, int first, int round)
     dgfem_vec3 x = view->embedding->points[point];
     dgfemi_fit fit;
     int count, found;
-    dgfemi_view_find_ways(view, view->embedding->point_window[point]);
     count = dgfemi_view_find_seen(view, view->embedding->point_window[point]);
     found = round >= DGFEM_MAX_ROUNDS || count == view->all; /* there are no more */
     if (!found && count < DGFEM_MIN_POINT_SAMPLES) return DGFEM_NONE;

@@ -2,7 +2,7 @@
    is inserted for each instruction set, which panel.c describes by
 
        DGFEM_PATH(name)                       the name with the instruction set's suffix
-       DGFEM_FOUR(name)                       the same, or that of an earlier one whose vectors have no more than four lanes
+       DGFEM_FOUR(name)                       the same, or that of one whose vectors have no more than four lanes
        DGFEM_VECTOR, DGFEM_V_LANES              its vector of reals, and their number
        DGFEM_VECTORS, DGFEM_TILE              vectors in a strip, columns of a tile (even; divides a strip's rows)
        DGFEM_V_LOAD(p) _STORE(p, v) _ALL(x)   and _ADD(a, b), _SUB(a, b), _MUL(a, b)
@@ -549,9 +549,10 @@ DGFEM_INLINE void DGFEM_PATH(dgfemi_add_row)(const dgfem_real *from, int vectors
     for (k = first; k < last; k++) row[k] += from[k];
 }
 
-/* Three rows of which `count` numbers count; behind them come zeros, and `room` numbers are left in the block's rows. */
-static void DGFEM_PATH(dgfemi_add_rows_of)(const dgfem_real *from, int from_stride, int count, int room, dgfem_real *row,
-                                           int stride) {
+/* Three rows of which `count` numbers count; behind them come zeros, and `room` numbers are left in the block's rows.
+   */
+static void DGFEM_PATH(dgfemi_add_rows_of)(const dgfem_real *from, int from_stride, int count, int room,
+                                           dgfem_real *row, int stride) {
     int vectors = (count + DGFEM_V_LANES - 1) / DGFEM_V_LANES, most = room / DGFEM_V_LANES, p;
     if (vectors > most) vectors = most;
     for (p = 0; p < 3; p++, from += from_stride, row += stride)

@@ -199,7 +199,41 @@ static int dgfemi_orthogonalize_columns(dgfem_mat3 *f, dgfem_mat3 *v, int p, int
     return 1;
 }
 
-/* F V = U diag(sigma) by one-sided Jacobi rotations, which unlike the eigenvectors of F^T F see small singular values
+/* F is far from every rotation where |F^T F - I| is not small: no singular value is below 0.4. NaN is far. */
+static int dgfemi_is_near_rotation(const dgfem_mat3 *f) {
+    dgfem_vec3 x = dgfemi_column(f, 0), y = dgfemi_column(f, 1), z = dgfemi_column(f, 2);
+    const dgfem_real stretch = DGFEM_R(0.4), shear = DGFEM_R(0.2);
+    return dgfemi_abs(dgfemi_dot(x, x) - 1) < stretch && dgfemi_abs(dgfemi_dot(y, y) - 1) < stretch &&
+           dgfemi_abs(dgfemi_dot(z, z) - 1) < stretch && dgfemi_abs(dgfemi_dot(x, y)) < shear &&
+           dgfemi_abs(dgfemi_dot(x, z)) < shear && dgfemi_abs(dgfemi_dot(y, z)) < shear &&
+           dgfemi_determinant(f) > 0;
+}
+
+/* The polar rotation of a matrix near it, by Newton's iteration R = (R + R^-T) / 2: it converges quadratically, so that
+   the last change tells that the next one would be round-off. */
+static dgfem_mat3 dgfemi_rotation_by_newton(dgfem_mat3 r) {
+    enum { MAX_STEPS = 8 }; /* six suffice */
+    const dgfem_real enough = DGFEM_REAL_IS_FLOAT ? DGFEM_R(1e-4) : DGFEM_R(1e-8);
+    dgfem_real change = 1;
+    int step, i, j;
+    for (step = 0; step < MAX_STEPS && change > enough; step++) {
+        dgfem_vec3 c[3], x = dgfemi_column(&r, 0), y = dgfemi_column(&r, 1), z = dgfemi_column(&r, 2);
+        dgfem_real half;
+        c[0] = dgfemi_cross(y, z), c[1] = dgfemi_cross(z, x), c[2] = dgfemi_cross(x, y);
+        half = DGFEM_R(0.5) / dgfemi_dot(x, c[0]);
+        change = 0;
+        for (j = 0; j < 3; j++)
+            for (i = 0; i < 3; i++) {
+                dgfem_real next = DGFEM_R(0.5) * r.m[i][j] + half * dgfemi_axis(c[j], i);
+                change = dgfemi_max(change, dgfemi_abs(next - r.m[i][j]));
+                r.m[i][j] = next;
+            }
+    }
+    return r;
+}
+
+/* Where F is no rotation with a moderate strain:
+   F V = U diag(sigma) by one-sided Jacobi rotations, which unlike the eigenvectors of F^T F see small singular values
    as exactly as F holds them. The two largest give two columns of U and of V; the third ones are their cross products,
    which makes det(U V^T) = +1 and so flips the smallest singular vector of an inverted F. */
 DGFEM_API dgfem_mat3 dgfem_rotation_of(dgfem_mat3 f, dgfem_mat3 fallback) {
@@ -209,6 +243,7 @@ DGFEM_API dgfem_mat3 dgfem_rotation_of(dgfem_mat3 f, dgfem_mat3 fallback) {
     dgfem_vec3 u1, u2, v1, v2;
     dgfem_real sigma[3], largest = 0;
     int first = 0, second, sweep, i;
+    if (dgfemi_is_near_rotation(&f)) return dgfemi_rotation_by_newton(f);
     if (!dgfemi_is_finite_mat3(&f)) return fallback;
     for (i = 0; i < 9; i++) largest = dgfemi_max(largest, dgfemi_abs(f.m[i / 3][i % 3]));
     if (!(largest > 0)) return fallback;

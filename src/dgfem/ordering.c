@@ -368,8 +368,9 @@ static dgfem_vec3 dgfemi_direction(int i) {
 }
 
 enum {
-    DGFEM_TRIALS = 4,         /* cuts along different directions that are narrowed, to take the best, */
-    DGFEM_TRIED_PARTS = 8,    /* in parts of this fraction of the graph or more: there separators are long */
+    DGFEM_LARGE_PARTS = 8,    /* parts of this fraction of the graph or more, where separators are long */
+    DGFEM_TRIALS = 4,         /* there: cuts along different directions that are narrowed, to take the best */
+    DGFEM_PROMISING = 7,      /* in smaller parts: directions to try, those that were best in the large ones */
     DGFEM_SMALLEST_PART = 48, /* vertices; smaller parts are left to minimum degree */
     DGFEM_KEY_BITS = 10       /* places along a direction are rounded to twice as many bits: ties survive round-off */
 };
@@ -382,6 +383,7 @@ typedef struct dgfemi_dissection {
     int *part;                     /* [count] of each vertex; DGFEM_NONE in a separator */
     int parts;                     /* made so far */
     int *scratch;                  /* [count] */
+    double rating[DGFEM_DIRECTIONS]; /* the less the better: costs over the least ones, summed over the large parts */
     /* the part that is being dissected: its vertices are numbered by their places in sorted[0] */
     int *number;         /* [count] of each vertex of the graph */
     dgfemi_graph local;  /* without block */
@@ -765,16 +767,35 @@ static void dgfemi_split_list(dgfemi_dissection *d, int *list, int count, const 
     memcpy(list, d->scratch, (size_t)count * sizeof *list);
 }
 
+/* The best cut along each direction, or along the most promising ones only. */
+static void dgfemi_find_cuts(dgfemi_dissection *d, int first, double total, int promising, dgfemi_cut *cuts) {
+    int i, k;
+    for (i = 0; i < DGFEM_DIRECTIONS; i++) {
+        int better = 0;
+        for (k = 0; k < DGFEM_DIRECTIONS; k++)
+            better += d->rating[k] < d->rating[i] || (d->rating[k] == d->rating[i] && k < i);
+        cuts[i].cost = DGFEM_NO_CUT;
+        if (!promising || better < DGFEM_PROMISING) dgfemi_sweep(d, i, first, total, &cuts[i]);
+    }
+}
+
+static void dgfemi_rate_directions(dgfemi_dissection *d, const dgfemi_cut *cuts) {
+    const double bad = 3; /* as bad as need be */
+    double best = DGFEM_NO_CUT;
+    int i;
+    for (i = 0; i < DGFEM_DIRECTIONS; i++)
+        if (cuts[i].cost < best) best = cuts[i].cost;
+    for (i = 0; i < DGFEM_DIRECTIONS; i++) d->rating[i] += cuts[i].cost < bad * best ? cuts[i].cost / best : bad;
+}
+
 /* Sets the sides by the cheapest separator found: the best cuts of several directions, each narrowed. Returns its cost,
    or DGFEM_NO_CUT. */
 static double dgfemi_find_separator(dgfemi_dissection *d, int first, double total) {
     dgfemi_cut cuts[DGFEM_DIRECTIONS];
     double best_cost = DGFEM_NO_CUT;
-    int trials = d->local.count >= d->graph->count / DGFEM_TRIED_PARTS ? DGFEM_TRIALS : 1, trial, i;
-    for (i = 0; i < DGFEM_DIRECTIONS; i++) {
-        cuts[i].cost = DGFEM_NO_CUT;
-        dgfemi_sweep(d, i, first, total, &cuts[i]);
-    }
+    int large = d->local.count >= d->graph->count / DGFEM_LARGE_PARTS, trials = large ? DGFEM_TRIALS : 1, trial, i;
+    dgfemi_find_cuts(d, first, total, !large, cuts);
+    if (large) dgfemi_rate_directions(d, cuts);
     for (trial = 0; trial < trials; trial++) {
         dgfemi_cut *best = &cuts[0];
         double cost;
@@ -861,25 +882,95 @@ static void dgfemi_elimination_tree(const dgfemi_graph *graph, const int *order,
     }
 }
 
-/* below[k], the unknowns below the diagonal block in block column k of L, and below_blocks[k] (may be NULL) their
-   blocks: row i of L reaches the columns on the way from its neighbours in A up the tree to i. mark[count] is
-   scratch. */
-static void dgfemi_column_counts(const dgfemi_graph *graph, const int *order, const int *position, const int *parent,
-                                 int *mark, int *below, int *below_blocks) {
-    int i, k;
-    for (i = 0; i < graph->count; i++) {
-        int v = order[i];
-        mark[i] = i;
-        below[i] = 0;
-        if (below_blocks) below_blocks[i] = 0;
-        for (k = graph->start[v]; k < graph->start[v + 1]; k++) {
-            int j = position[graph->neighbour[k]];
-            for (; j < i && mark[j] != i; j = parent[j]) {
-                mark[j] = i;
-                below[j] += graph->weight[v];
-                if (below_blocks) below_blocks[j]++;
-            }
+/* Lists the nodes of a forest, children before parents, each tree in one piece. child and sibling are scratch. Returns
+   their number: nodes whose parent is neither a node nor DGFEM_NONE do not count. */
+static int dgfemi_postorder(int count, const int *parent, int *child, int *sibling, int *list) {
+    int listed = 0, root, k;
+    for (k = 0; k < count; k++) child[k] = DGFEM_NONE;
+    for (k = count - 1; k >= 0; k--)
+        if (parent[k] >= 0) {
+            sibling[k] = child[parent[k]];
+            child[parent[k]] = k;
         }
+    for (root = 0; root < count; root++) {
+        if (parent[root] != DGFEM_NONE) continue;
+        for (k = root;;) {
+            int next = child[k];
+            if (next != DGFEM_NONE) { /* down to a child that has not been listed */
+                child[k] = sibling[next];
+                k = next;
+                continue;
+            }
+            list[listed++] = k;
+            if (k == root) break;
+            k = parent[k];
+        }
+    }
+    return listed;
+}
+
+/* The scratch of dgfemi_column_counts, by positions: */
+typedef struct dgfemi_counting {
+    int *first;    /* number in postorder of the first descendant */
+    int *latest;   /* of row k of L: that of the latest leaf of its subtree */
+    int *leaf;     /* of row k of L: that leaf */
+    int *ancestor; /* on the way up, as far as listed; the highest is its own */
+} dgfemi_counting;
+
+/* The highest of the ancestors listed by now. Shortens the way. */
+static int dgfemi_highest_ancestor(int *ancestor, int k) {
+    while (ancestor[k] != k) k = ancestor[k] = ancestor[ancestor[k]];
+    return k;
+}
+
+/* Column k has row i of L if k is in the subtree of the elimination tree that has i at its top and that row's entries of
+   A as its leaves, or on the way. So the count of column k is a sum over its descendants: +1 for each row that has a leaf
+   there, -1 where two of its branches meet and where its subtree ends (Gilbert, Ng, Peyton 1994). Rows weigh as many
+   unknowns as they have. The sums are taken modulo 2^32: only the last are small. */
+static void dgfemi_count_changes(const dgfemi_graph *graph, const int *order, const int *position, const int *parent,
+                                 const int *list, dgfemi_counting *s, unsigned *unknowns, unsigned *blocks) {
+    int n = graph->count, k, m;
+    for (k = 0; k < n; k++) {
+        s->first[k] = s->latest[k] = s->leaf[k] = DGFEM_NONE;
+        s->ancestor[k] = k;
+        unknowns[k] = blocks[k] = 0;
+    }
+    for (k = 0; k < n; k++) {
+        int j = list[k];
+        if (s->first[j] == DGFEM_NONE) unknowns[j] += (unsigned)graph->weight[order[j]], blocks[j]++;
+        for (; j != DGFEM_NONE && s->first[j] == DGFEM_NONE; j = parent[j]) s->first[j] = k;
+    }
+    for (k = 0; k < n; k++) {
+        int j = list[k], v = order[j];
+        for (m = graph->start[v]; m < graph->start[v + 1]; m++) {
+            int i = position[graph->neighbour[m]];
+            unsigned weight = (unsigned)graph->weight[graph->neighbour[m]];
+            if (i < j || s->first[j] <= s->latest[i]) continue; /* no leaf: row i has one among the descendants */
+            unknowns[j] += weight, blocks[j]++;
+            if (s->leaf[i] != DGFEM_NONE) {
+                int meeting = dgfemi_highest_ancestor(s->ancestor, s->leaf[i]);
+                unknowns[meeting] -= weight, blocks[meeting]--;
+            }
+            s->latest[i] = s->first[j];
+            s->leaf[i] = j;
+        }
+        if (parent[j] == DGFEM_NONE) continue;
+        unknowns[parent[j]] -= (unsigned)graph->weight[v], blocks[parent[j]]--;
+        s->ancestor[j] = parent[j];
+    }
+}
+
+/* below[k], the unknowns below the diagonal block in block column k of L, and below_blocks[k] their blocks. list is a
+   postorder of the tree. */
+static void dgfemi_column_counts(const dgfemi_graph *graph, const int *order, const int *position, const int *parent,
+                                 const int *list, dgfemi_counting *scratch, int *below, int *below_blocks) {
+    unsigned *unknowns = (unsigned *)(void *)below, *blocks = (unsigned *)(void *)below_blocks;
+    int k;
+    dgfemi_count_changes(graph, order, position, parent, list, scratch, unknowns, blocks);
+    for (k = 0; k < graph->count; k++) {
+        if (parent[k] != DGFEM_NONE) unknowns[parent[k]] += unknowns[k], blocks[parent[k]] += blocks[k];
+        below[k] -= graph->weight[order[k]];
+        below_blocks[k]--;
     }
 }
 
@@ -901,16 +992,18 @@ static void dgfemi_factor_cost(const dgfemi_graph *graph, const int *order, cons
 
 /* 0 when out of memory. */
 static int dgfemi_order_flops(dgfemi_arena *arena, const dgfemi_graph *graph, const int *order, double *flops) {
-    size_t n = (size_t)graph->count;
-    int *position = (int *)dgfemi_arena_allocate(arena, n, sizeof(int));
-    int *parent = (int *)dgfemi_arena_allocate(arena, n, sizeof(int));
-    int *mark = (int *)dgfemi_arena_allocate(arena, n, sizeof(int));
-    int *below = (int *)dgfemi_arena_allocate(arena, n, sizeof(int));
+    int *arrays[9], i;
+    dgfemi_counting scratch;
     double entries;
-    if (!position || !parent || !mark || !below) return 0;
-    dgfemi_elimination_tree(graph, order, position, parent, mark);
-    dgfemi_column_counts(graph, order, position, parent, mark, below, NULL);
-    dgfemi_factor_cost(graph, order, below, &entries, flops);
+    for (i = 0; i < 9; i++) {
+        arrays[i] = (int *)dgfemi_arena_allocate(arena, (size_t)graph->count, sizeof(int));
+        if (!arrays[i]) return 0;
+    }
+    scratch.first = arrays[3], scratch.latest = arrays[4], scratch.leaf = arrays[5], scratch.ancestor = arrays[6];
+    dgfemi_elimination_tree(graph, order, arrays[0], arrays[1], arrays[2]);
+    dgfemi_postorder(graph->count, arrays[1], arrays[3], arrays[4], arrays[2]);
+    dgfemi_column_counts(graph, order, arrays[0], arrays[1], arrays[2], &scratch, arrays[7], arrays[8]);
+    dgfemi_factor_cost(graph, order, arrays[7], &entries, flops);
     return 1;
 }
 

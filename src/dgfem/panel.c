@@ -35,8 +35,8 @@ typedef struct dgfemi_entry {
     int front_row, front_column, transposed;
 } dgfemi_entry;
 
-/* Small matrices and vectors for assembly: a 3x3 matrix takes three rows of four numbers and fills whole vectors of every
-   path, a vector takes four numbers. The fourth ones, and those that fill up, are zeros. */
+/* Small matrices and vectors for assembly: a 3x3 matrix takes three rows of four numbers and fills whole vectors of
+   every path, a vector takes four numbers. The fourth ones, and those that fill up, are zeros. */
 enum {
     DGFEM_MATRIX_STRIDE = 16,
     DGFEM_VECTOR_STRIDE = 4,

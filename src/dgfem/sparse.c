@@ -151,10 +151,10 @@ static int dgfemi_matrix_values(dgfem_matrix *matrix, const dgfem_matrix_desc *d
 
 /* ---- shared products ---- */
 
-/* A product in chunks of rows, which threads share. A chunk adds to its own rows of y; what its blocks give, transposed,
-   to rows of earlier chunks, it leaves in `sums`, one piece for each such block. When all chunks are done the pieces are
-   added, by the chunk whose rows they are for, in ascending order of the rows that they come from. So every part of y
-   receives its products in the order of a product without chunks. */
+/* A product in chunks of rows, which threads share. A chunk adds to its own rows of y; what its blocks give,
+   transposed, to rows of earlier chunks, it leaves in `sums`, one piece for each such block. When all chunks are done
+   the pieces are added, by the chunk whose rows they are for, in ascending order of the rows that they come from. So
+   every part of y receives its products in the order of a product without chunks. */
 struct dgfem_sharing {
     int chunk_count;
     int *row;         /* [chunk_count + 1] first row of each chunk, */
@@ -167,10 +167,11 @@ struct dgfem_sharing {
 };
 
 enum {
-    DGFEM_LEAST_CHUNK = 1 << 16, /* numbers in a chunk: less is not worth the wait for a thread, */
-    DGFEM_LEAST_CHUNKS = 4,      /* nor is a matrix of so few chunks; */
-    DGFEM_MOST_CHUNKS = 16,      /* and the more chunks, the more pieces */
-    DGFEM_SERIAL_SUMS = 1 << 15  /* so many numbers in pieces are added by one thread */
+    DGFEM_LEAST_SHARED = 1 << 18, /* numbers in a matrix: less is not worth the wait for a thread; */
+    DGFEM_CHUNK = 1 << 17,        /* in a chunk, about: the more chunks, the more pieces; */
+    DGFEM_LEAST_CHUNKS = 6,
+    DGFEM_MOST_CHUNKS = 16,
+    DGFEM_SERIAL_SUMS = 1 << 15 /* so many numbers in pieces are added by one thread */
 };
 
 static void dgfemi_sharing_destroy(dgfem_sharing *sharing, const dgfem_hooks *hooks) {
@@ -248,10 +249,11 @@ static int dgfemi_sharing_set_pieces(dgfem_sharing *sharing, const dgfem_matrix 
 /* Where the matrix is large enough and the host has threads. 0 when out of memory. */
 static int dgfemi_matrix_share(dgfem_matrix *matrix, dgfemi_arena *arena) {
     const dgfem_hooks *hooks = &matrix->hooks;
-    size_t chunks = matrix->value_start[matrix->row_start[matrix->block_count]] / DGFEM_LEAST_CHUNK;
+    size_t total = matrix->value_start[matrix->row_start[matrix->block_count]], chunks = total / DGFEM_CHUNK;
     dgfem_sharing *sharing;
     int *pieces;
-    if (!hooks->parallel_for || chunks < DGFEM_LEAST_CHUNKS) return 1;
+    if (!hooks->parallel_for || total < DGFEM_LEAST_SHARED) return 1;
+    if (chunks < DGFEM_LEAST_CHUNKS) chunks = DGFEM_LEAST_CHUNKS;
     if (chunks > DGFEM_MOST_CHUNKS) chunks = DGFEM_MOST_CHUNKS;
     sharing = (dgfem_sharing *)dgfemi_allocate_zero(hooks, 1, sizeof *sharing);
     if (!sharing) return 0;

@@ -29,7 +29,7 @@ typedef struct dgfemi_supernode {
     int task;                   /* that factors it; DGFEM_NONE: after all tasks, in ascending order */
     double flops;               /* of it and of its descendants */
     size_t values;              /* its panel, in dgfem_cholesky.values */
-    size_t update;              /* its U, in dgfem_cholesky.updates */
+    size_t update;              /* its U, there too */
 } dgfemi_supernode;
 
 /* Supernodes first <= s < last that one worker factors: whole subtrees, which no other task looks at. */
@@ -56,8 +56,7 @@ struct dgfem_cholesky {
     int task_count;
     dgfemi_task *tasks;   /* the largest first */
     void *memory;         /* of the following, which begin at cache lines */
-    dgfem_real *values;   /* L */
-    dgfem_real *updates;  /* the U that still wait for their parents */
+    dgfem_real *values;   /* L, and the U that still wait for their parents */
     dgfem_real *own;      /* [largest width, in whole strips] a solve's unknowns of one supernode */
     dgfem_real *below;    /* [largest height, in whole strips] and those below it */
     dgfem_real *sums;     /* [largest width, in vectors] of a solve, one for each column */
@@ -111,43 +110,26 @@ static int dgfemi_analysis_allocate(dgfemi_analysis *a, dgfemi_arena *arena) {
     return a->nodes != NULL;
 }
 
-/* Lists the nodes of a forest, children before parents, each tree in one piece. child and sibling are scratch. Returns
-   their number: nodes whose parent is DGFEM_MERGED do not count. */
-static int dgfemi_postorder(int count, const int *parent, int *child, int *sibling, int *list) {
-    int listed = 0, root, k;
-    for (k = 0; k < count; k++) child[k] = DGFEM_NONE;
-    for (k = count - 1; k >= 0; k--)
-        if (parent[k] >= 0) {
-            sibling[k] = child[parent[k]];
-            child[parent[k]] = k;
-        }
-    for (root = 0; root < count; root++) {
-        if (parent[root] != DGFEM_NONE) continue;
-        for (k = root;;) {
-            int next = child[k];
-            if (next != DGFEM_NONE) { /* down to a child that has not been listed */
-                child[k] = sibling[next];
-                k = next;
-                continue;
-            }
-            list[listed++] = k;
-            if (k == root) break;
-            k = parent[k];
-        }
-    }
-    return listed;
-}
-
 /* Puts the order into postorder of its elimination tree, which makes the columns of a supernode neighbours and changes
    nothing else; tree and counts are then those of the new order. */
 static void dgfemi_analyse_tree(dgfemi_analysis *a) {
-    int n = a->graph.count, k;
+    int n = a->graph.count, *old_parent = a->scratch[1], k;
+    dgfemi_counting scratch;
     dgfemi_elimination_tree(&a->graph, a->order, a->position, a->parent, a->scratch[0]);
     dgfemi_postorder(n, a->parent, a->scratch[0], a->scratch[1], a->list);
+    memcpy(old_parent, a->parent, (size_t)n * sizeof *old_parent);
     for (k = 0; k < n; k++) a->scratch[0][k] = a->order[a->list[k]];
     memcpy(a->order, a->scratch[0], (size_t)n * sizeof *a->order);
-    dgfemi_elimination_tree(&a->graph, a->order, a->position, a->parent, a->scratch[0]);
-    dgfemi_column_counts(&a->graph, a->order, a->position, a->parent, a->scratch[0], a->below, a->below_blocks);
+    for (k = 0; k < n; k++) a->scratch[0][a->list[k]] = k;
+    for (k = 0; k < n; k++) {
+        int up = old_parent[a->list[k]];
+        a->parent[k] = up == DGFEM_NONE ? DGFEM_NONE : a->scratch[0][up];
+        a->position[a->order[k]] = k;
+    }
+    for (k = 0; k < n; k++) a->list[k] = k;
+    scratch.first = a->node_of, scratch.latest = a->supernode_of;
+    scratch.leaf = a->scratch[0], scratch.ancestor = a->scratch[1];
+    dgfemi_column_counts(&a->graph, a->order, a->position, a->parent, a->list, &scratch, a->below, a->below_blocks);
 }
 
 /* Column k has the rows of column k + 1 and that one's diagonal block: they count as one. */
@@ -527,20 +509,42 @@ static size_t dgfemi_place_updates(dgfem_cholesky *c, int first, int last, int t
     return used;
 }
 
-/* Places all updates. Returns the room they need. */
-static size_t dgfemi_plan_updates(dgfem_cholesky *c, int *odd) {
-    size_t used = 0;
+/* Places the panels of supernodes with or without a task. Returns where the memory after them begins. */
+static size_t dgfemi_place_panels(dgfem_cholesky *c, int in_task, size_t used) {
+    int s;
+    for (s = 0; s < c->supernode_count; s++) {
+        dgfemi_supernode *super = c->supernodes + s;
+        if ((super->task != DGFEM_NONE) != in_task) continue;
+        super->values = used;
+        used = dgfemi_add_product(used, dgfemi_panel_size(c, super), 1);
+    }
+    return used;
+}
+
+/* Places panels and updates in one piece of memory. Returns the room they need.
+
+       panels of tasks | panels above all tasks, updates above | what tasks pass on to those above
+                       | updates within tasks                  |
+
+   Before all tasks are done nothing is written above them, and then the updates within tasks are no longer needed. */
+static size_t dgfemi_plan_fronts(dgfem_cholesky *c, int *odd) {
+    size_t within = dgfemi_place_panels(c, 1, 0), above = dgfemi_place_panels(c, 0, within), used;
     int s, k;
     for (s = c->supernode_count - 1; s >= 0; s--) {
-        dgfemi_supernode *super = c->supernodes + s;
-        odd[s] = super->parent != DGFEM_NONE && !odd[super->parent];
-        if (super->parent == DGFEM_NONE || c->supernodes[super->parent].task == super->task) continue;
-        super->update = used; /* what a task passes on waits until all tasks are done */
-        used = dgfemi_add_product(used, dgfemi_update_size(c, super), 1);
+        int parent = c->supernodes[s].parent;
+        odd[s] = parent != DGFEM_NONE && !odd[parent];
     }
     for (k = 0; k < c->task_count; k++)
-        used = dgfemi_place_updates(c, c->tasks[k].first, c->tasks[k].last, k, odd, used);
-    return dgfemi_place_updates(c, 0, c->supernode_count, DGFEM_NONE, odd, used);
+        within = dgfemi_place_updates(c, c->tasks[k].first, c->tasks[k].last, k, odd, within);
+    above = dgfemi_place_updates(c, 0, c->supernode_count, DGFEM_NONE, odd, above);
+    used = within > above ? within : above;
+    for (s = 0; s < c->supernode_count; s++) {
+        dgfemi_supernode *super = c->supernodes + s;
+        if (super->parent == DGFEM_NONE || c->supernodes[super->parent].task == super->task) continue;
+        super->update = used;
+        used = dgfemi_add_product(used, dgfemi_update_size(c, super), 1);
+    }
+    return used;
 }
 
 /* Fronts whose update is left to BLAS where there is one. */
@@ -563,35 +567,32 @@ static size_t dgfemi_reserve(size_t *used, size_t count) {
 /* Reserves what factorizations and solves need. 0 when out of memory. */
 static int dgfemi_plan_memory(dgfem_cholesky *c, const dgfemi_analysis *a) {
     int strip = c->kernels->strip, s, own = 0, below = 0;
-    size_t start[8], values = 0, packed = 0, used = 0;
+    size_t start[7], values, packed = 0, used = 0;
     dgfem_real *base;
     for (s = 0; s < c->supernode_count; s++) {
-        dgfemi_supernode *super = c->supernodes + s;
+        const dgfemi_supernode *super = c->supernodes + s;
         int d = dgfemi_whole_strips(super->width, strip), b = dgfemi_whole_strips(super->height, strip);
-        super->values = values;
-        values = dgfemi_add_product(values, dgfemi_panel_size(c, super), 1);
         if (d > own) own = d;
         if (b > below) below = b;
         if (dgfemi_is_for_blas(super) && (size_t)super->width * (size_t)super->height > packed)
             packed = (size_t)super->width * (size_t)super->height;
     }
     /* a tile at the edge of the last panel may read, but not use, what is behind it */
+    values = dgfemi_plan_fronts(c, a->scratch[0]);
     start[0] = dgfemi_reserve(&used, dgfemi_add_product(values, (size_t)strip, (size_t)c->kernels->tile));
-    start[1] = dgfemi_reserve(&used, dgfemi_plan_updates(c, a->scratch[0]));
-    start[2] = dgfemi_reserve(&used, (size_t)own * (size_t)strip);
-    start[3] = dgfemi_reserve(&used, (size_t)below * (size_t)strip);
-    start[4] = dgfemi_reserve(&used, dgfemi_add_product(0, (size_t)c->size, DGFEM_SOLVES));
-    start[5] = dgfemi_reserve(&used, (size_t)c->size);
-    start[6] = dgfemi_reserve(&used, packed);
-    start[7] = dgfemi_reserve(&used, dgfemi_add_product(0, (size_t)own * (size_t)strip, (size_t)c->kernels->lanes));
+    start[1] = dgfemi_reserve(&used, (size_t)own * (size_t)strip);
+    start[2] = dgfemi_reserve(&used, (size_t)below * (size_t)strip);
+    start[3] = dgfemi_reserve(&used, dgfemi_add_product(0, (size_t)c->size, DGFEM_SOLVES));
+    start[4] = dgfemi_reserve(&used, (size_t)c->size);
+    start[5] = dgfemi_reserve(&used, packed);
+    start[6] = dgfemi_reserve(&used, dgfemi_add_product(0, (size_t)own * (size_t)strip, (size_t)c->kernels->lanes));
     used = dgfemi_add_product(used, DGFEM_CACHE_LINE / sizeof(dgfem_real), 1);
     c->memory = dgfemi_allocate(&c->hooks, used, sizeof(dgfem_real));
     if (!c->memory) return 0;
     base = (dgfem_real *)(((uintptr_t)c->memory + DGFEM_CACHE_LINE - 1) & ~(uintptr_t)(DGFEM_CACHE_LINE - 1));
     memset(base + start[0] + values, 0, (size_t)strip * (size_t)c->kernels->tile * sizeof *base);
-    c->values = base + start[0], c->updates = base + start[1], c->own = base + start[2];
-    c->below = base + start[3], c->x = base + start[4], c->diagonal = base + start[5];
-    c->packed = base + start[6], c->sums = base + start[7];
+    c->values = base + start[0], c->own = base + start[1], c->below = base + start[2], c->x = base + start[3];
+    c->diagonal = base + start[4], c->packed = base + start[5], c->sums = base + start[6];
     return 1;
 }
 

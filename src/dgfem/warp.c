@@ -27,9 +27,14 @@ static dgfem_mat3 dgfemi_mean_gradient(const dgfem_body *body, int element) {
     const dgfemi_element_form *form = &body->forms->elements[element];
     const dgfem_vec3 *u = body->displacement + body->basis_start[element];
     const dgfem_real *moments = dgfemi_form_load(body->forms, element);
-    dgfem_real inverse = 1 / (body->scale[element] * moments[0]);
+    dgfem_real inverse = 1 / (body->scale[element] * moments[0]), slope = 1 / body->scale[element];
     dgfem_mat3 f = dgfemi_identity();
-    for (int j = 1; j < form->count; j++)
+    for (int a = 0; a < 3; a++) {
+        f.m[0][a] += slope * u[1 + a].x;
+        f.m[1][a] += slope * u[1 + a].y;
+        f.m[2][a] += slope * u[1 + a].z;
+    }
+    for (int j = 4; j < form->count; j++)
         for (int a = 0; a < 3; a++) {
             int lower = dgfemi_derivative_index(j, a);
             if (lower == DGFEM_NONE) continue;
@@ -224,10 +229,10 @@ DGFEM_INLINE void dgfemi_add_block(dgfem_real *out, int columns, const dgfem_rea
     for (int p = 0; p < 3; p++, out += columns, k += 3) out[0] += k[0], out[1] += k[1], out[2] += k[2];
 }
 
-/* One assembly. It goes through the matrix row by row, so that what it adds to is in cache: a face comes with the row of
-   its later element. Of several threads each has its chunks of rows; then a face between two chunks is computed for both
-   of them, for the earlier one after all others. So every block and every force receives its parts in the same order,
-   whatever the chunks. */
+/* One assembly. It goes through the matrix row by row, so that what it adds to is in cache: a face comes with the row
+   of its later element. Of several threads each has its chunks of rows; then a face between two chunks is computed for
+   both of them, for the earlier one after all others. So every block and every force receives its parts in the same
+   order, whatever the chunks. */
 typedef struct dgfemi_assembly {
     const dgfem_body *body;
     const dgfem_mat3 *rotation;
@@ -238,9 +243,9 @@ typedef struct dgfemi_assembly {
     int late[DGFEM_MOST_CHUNKS]; /* the first face between each chunk and a later one, or DGFEM_NONE */
 } dgfemi_assembly;
 
-/* The matrices that the integrals of a pair of functions belong to: those of the penalty; of the tractions of each side,
-   for the columns of a pair; their transposes, for its rows. And what the tractions make of (R - I) X0_j: a vector for
-   each j and entry. */
+/* The matrices that the integrals of a pair of functions belong to: those of the penalty; of the tractions of each
+   side, for the columns of a pair; their transposes, for its rows. And what the tractions make of (R - I) X0_j: a vector
+   for each j and entry. */
 typedef struct dgfemi_face_terms {
     dgfem_real penalty[2 * DGFEM_MATRIX_STRIDE];
     dgfem_real traction[2][3 * DGFEM_MATRIX_STRIDE], adjoint[2][3 * DGFEM_MATRIX_STRIDE];
