@@ -371,6 +371,24 @@ static void test_bent_surface(void **state) {
     }
 }
 
+/* Two blades in one plane, with a gap between them: the bridge there stays glued, though its corners are on both. */
+static void test_bridge_between_blades(void **state) {
+    const double vertices[24] = {-9, -9, 0.45, 0.3, -9, 0.45, 0.3, 9, 0.45, -9, 9, 0.45,
+                                 0.7, -9, 0.45, 9, -9, 0.45,  9,   9, 0.45, 0.7, 9, 0.45};
+    const int triangles[12] = {0, 1, 2, 0, 2, 3, 4, 5, 6, 4, 6, 7};
+    dgfem_body *body = grid_body(1, 1, 1, 1, NULL);
+    double glued = 0;
+    (void)state;
+    check_status(dgfem_body_cut_surface(body, dgfem_points_in_double(vertices, 8), triangles, 4, NULL, NULL), DGFEM_OK);
+    assert_int_equal(piece_count(body, NULL, 0), 1);
+    for (int f = 0; f < body->mesh->face_count; f++) {
+        const dgfem_face *face = &body->mesh->faces[f];
+        if (face->element[1] != DGFEM_NONE && !face->cut) glued += (double)face->area;
+    }
+    check_near(glued, 0.4, 1e2 * quiet);
+    dgfem_body_destroy(body);
+}
+
 /* A tetrahedron is cut out of the middle of a block. */
 static void test_closed_surface(void **state) {
     (void)state;
@@ -946,6 +964,7 @@ int main(void) {
         cmocka_unit_test(test_deformed_caps_are_flat),
         cmocka_unit_test(test_halves_move_apart),
         cmocka_unit_test(test_bent_surface),
+        cmocka_unit_test(test_bridge_between_blades),
         cmocka_unit_test(test_closed_surface),
         cmocka_unit_test(test_tag_of_a_union),
         cmocka_unit_test(test_two_allocators),

@@ -640,25 +640,36 @@ static int dgfemi_cutter_is_thread(const dgfemi_cutter *cutter, int f, dgfem_vec
     return 0;
 }
 
+/* Whether a point of an element lies in a blade's plane, and no farther than that from what all blades cover. */
+static int dgfemi_cutter_is_at(const dgfemi_cutter *cutter, int element, dgfem_vec3 x, dgfem_real distance,
+                               const dgfemi_blade *blade, const dgfemi_blade *blades, int count) {
+    x = dgfemi_cutter_place(cutter, element, x);
+    if (!(dgfemi_abs(dgfemi_blade_distance(blade, x)) <= distance)) return 0;
+    for (int k = 0; k < count; k++)
+        if (dgfemi_blade_is_near(&blades[k], x, distance)) return 1;
+    return 0;
+}
+
 /* Whether a face between elements on both sides of a blade lies in its plane, no farther off than planes that are taken
    for one may be, and no farther than that from what all blades cover. Where two meet at a shallow angle, such planes
-   miss the edge of both by far more. No face that is itself no wider. side: the element that tells its places. */
-static int dgfemi_cutter_is_flush(const dgfemi_cutter *cutter, const dgfem_face *face, int side,
+   miss the edge of both by far more. No face that is itself no wider. Corners alone do not tell: those of a bridge
+   between two blades lie on their edges. side: the element that tells its places. */
+static int dgfemi_cutter_is_flush(const dgfemi_cutter *cutter, const dgfem_face *face, dgfem_vec3 inner, int side,
                                   const dgfemi_blade *blade, const dgfemi_blade *blades, int count) {
     const dgfem_mesh *mesh = cutter->edit->mesh;
-    int a = face->element[0], b = face->element[1];
+    int a = face->element[0], b = face->element[1], e = face->element[side];
     dgfem_real radius = dgfemi_max(mesh->elements[a].radius, mesh->elements[b].radius);
     dgfem_real distance = 2 * DGFEM_SAME_PLANE * radius;
     if (dgfemi_blade_side(blade, cutter->place[a]) == dgfemi_blade_side(blade, cutter->place[b])) return 0;
     if (!(face->area > 4 * distance * dgfemi_face_radius(mesh, face))) return 0;
+    if (!dgfemi_cutter_is_at(cutter, e, inner, distance, blade, blades, count)) return 0;
     for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++)
         for (int i = 0; i < mesh->loops[l].count; i++) {
             dgfem_vec3 x = mesh->vertices[mesh->loop_vertices[mesh->loops[l].start + i]];
-            int is_near = 0;
-            x = dgfemi_cutter_place(cutter, face->element[side], x);
-            if (!(dgfemi_abs(dgfemi_blade_distance(blade, x)) <= distance)) return 0;
-            for (int k = 0; !is_near && k < count; k++) is_near = dgfemi_blade_is_near(&blades[k], x, distance);
-            if (!is_near) return 0;
+            dgfem_vec3 halfway = dgfemi_add_scaled(inner, DGFEM_R(0.5), dgfemi_sub(x, inner));
+            if (!dgfemi_cutter_is_at(cutter, e, x, distance, blade, blades, count) ||
+                !dgfemi_cutter_is_at(cutter, e, halfway, distance, blade, blades, count))
+                return 0;
         }
     return 1;
 }
@@ -676,7 +687,7 @@ static int dgfemi_cutter_seal(dgfemi_cutter *cutter, const dgfemi_blade *blades,
         if (!dgfemi_cutter_inner_point(cutter, face, &inner)) return 0;
         int is_cut = dgfemi_cutter_is_thread(cutter, f, inner, blades, count);
         for (int k = 0; !is_cut && k < 2 * count; k++)
-            is_cut = dgfemi_cutter_is_flush(cutter, face, k % 2, &blades[k / 2], blades, count);
+            is_cut = dgfemi_cutter_is_flush(cutter, face, inner, k % 2, &blades[k / 2], blades, count);
         if (mesh->elements[face->element[0]].tag != mesh->elements[face->element[1]].tag && !is_cut) {
             is_cut = dgfemi_cutter_parts(cutter, face, inner, blades, count);
             for (int l = face->loop_start; l < face->loop_start + face->loop_count; l++)

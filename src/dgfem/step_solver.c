@@ -546,13 +546,12 @@ static int dgfemi_iterate_stale(dgfem_body *body, dgfemi_pcg *cg, const dgfem_ma
         double work = (*iterations - before) * solver->solve_work;
         if (work > solver->solve_work) solver->rent += work - solver->solve_work; /* rest is no credit */
         solver->stale_cost += (work - solver->stale_cost) / DGFEM_COST_STEPS;
-        if (!good) dgfemi_start_step(body, cg);
     }
     solver->is_factored = good;
     return good;
 }
 
-/* The same with sweeps, which may cost as much as a factorization. Where they fail x begins anew. */
+/* The same with sweeps, which may cost as much as a factorization. cg->r is not the residual after them. */
 static int dgfemi_iterate_sweeping(dgfem_body *body, dgfemi_pcg *cg, double target, int *iterations, double *error) {
     dgfem_step_solver *solver = body->step_solver;
     int before = *iterations, limit = dgfemi_affordable(solver->factor_work, 0, solver->sweep_work);
@@ -617,7 +616,7 @@ static dgfem_status dgfemi_solve_step(dgfem_body *body, dgfem_real h, const dgfe
         body->step_solver->stale_cost += body->step_solver->factor_work / DGFEM_COST_STEPS;
         dgfemi_find_turns(body, rotation);
         body->step_solver->patch_count = 0; /* the factorization is of this very matrix */
-        dgfemi_start_step(body, &cg);
+        dgfemi_pcg_residual(&cg);
         (void)dgfemi_iterate_with_factor(body, &cg, target, 1, &info->iterations, &error);
     }
     info->residual = (dgfem_real)(error / reference);
