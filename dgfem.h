@@ -731,7 +731,8 @@ DGFEM_API void dgfem_matrix_clear(dgfem_matrix *matrix);
    blocks are stored whole and must be symmetric (the factorization reads their lower half only). */
 DGFEM_API dgfem_real *dgfem_matrix_block(const dgfem_matrix *matrix, int row, int column);
 
-/* y = A x; x and y are different vectors of matrix->size. Large matrices use hooks.parallel_for. */
+/* y = A x; x and y are different vectors of matrix->size. Large matrices use hooks.parallel_for, and memory of their
+   own: then one product with a matrix at a time. */
 DGFEM_API void dgfem_matrix_multiply(const dgfem_matrix *matrix, const dgfem_real *x, dgfem_real *y);
 
 typedef enum dgfem_ordering {
@@ -20626,15 +20627,16 @@ static dgfem_real dgfemi_elastic_energy(const dgfem_body *body, const dgfem_mat3
    iterations, but nothing is to be made for them.
 
    The iteration starts from the velocity of now, moved along its changes in the last few steps so far as lowers the
-   error's energy most (Fischer 1998): they cost a product each, and an iteration with a factorization ten times that. At the end the error that is left is made orthogonal to translations of each piece: what falls keeps its
-   momentum to round-off, however coarse the tolerance.
+   error's energy most (Fischer 1998): they cost a product each, and an iteration with a factorization ten times that.
+   At the end the error that is left is made orthogonal to translations of each piece: what falls keeps its momentum to
+   round-off, however coarse the tolerance.
 
-   When to factor again is a choice between rent and purchase: iterations with a factorization beyond the first of each
-   step, and sweeps in its place, are paid until they have cost as much as a new one; then that is bought. So no sequence
-   of steps costs much more than twice what the better choice would have. Whether sweeps alone are cheaper, as in soft
-   bodies, and where elements snap through and no factorization lasts, is known from what the steps of either kind have
-   cost on average; now and then the other kind is tried again. Work is counted in operations, not measured, so that runs
-   repeat bit for bit. */
+   When to factor again is a choice between rent and purchase: iterations with a factorization beyond the first of
+   each step, and sweeps in its place, are paid until they have cost as much as a new one; then that is bought. So no
+   sequence of steps costs much more than twice what the better choice would have. Whether sweeps alone are cheaper,
+   as in soft bodies, and where elements snap through and no factorization lasts, is known from what the steps of
+   either kind have cost on average; now and then the other kind is tried again. Work is counted in operations, not
+   measured, so that runs repeat bit for bit. */
 
 enum { DGFEM_PAST = 2 }; /* with one more hardly any iteration is saved */
 
@@ -20756,8 +20758,8 @@ static double dgfemi_guess_cost(const dgfem_step_solver *solver) {
     return 2 * solver->solve_work + solver->factor_work / 30;
 }
 
-/* Symbolic analysis of the body's matrix, if there is none. After a change of topology, when there may be another one soon,
-   it is a quick one unless every step factors. */
+/* Symbolic analysis of the body's matrix, if there is none. After a change of topology, when there may be another one
+   soon, it is a quick one unless every step factors. */
 static dgfem_status dgfemi_analyse_body(dgfem_body *body) {
     dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
     if (body->cholesky) return DGFEM_OK;
@@ -21099,7 +21101,8 @@ static int dgfemi_move_start(const dgfem_body *body, dgfemi_pcg *cg, int count, 
         dgfemi_vector_add(size, part, earlier, q);
     }
     curvature[count] = dgfemi_vector_dot(size, p, q);
-    if (!(curvature[count] > (double)dgfemi_sqrt(DGFEM_EPSILON) * whole)) return 0; /* also: A is not positive definite */
+    /* also where A is not positive definite */
+    if (!(curvature[count] > (double)dgfemi_sqrt(DGFEM_EPSILON) * fabs(whole))) return 0;
     dgfem_real step = (dgfem_real)(dgfemi_vector_dot(size, p, cg->r) / curvature[count]);
     if (!dgfemi_is_finite(step)) return 0;
     dgfemi_vector_add(size, step, p, cg->x);
@@ -22495,8 +22498,8 @@ static void dgfemi_traction_coefficients(const dgfemi_face_frame *frame, int j, 
 }
 
 /* a += s int_f T_i^T W T_j for all functions of the element, which begin with `first` in the frame. */
-static void dgfemi_add_traction_energy(const dgfemi_face_frame *frame, int first, int count, dgfem_vec3 n, dgfem_real lambda,
-                                       dgfem_real mu, dgfem_real s, dgfem_real *a) {
+static void dgfemi_add_traction_energy(const dgfemi_face_frame *frame, int first, int count, dgfem_vec3 n,
+                                       dgfem_real lambda, dgfem_real mu, dgfem_real s, dgfem_real *a) {
     dgfem_mat3 t[DGFEM_MAX_BASIS][DGFEM_MAX_LOWER_BASIS], w;
     int lower_count = frame->lower_count;
     memset(&w, 0, sizeof w);
@@ -22549,10 +22552,10 @@ static void dgfemi_stability_pair(const dgfem_body *body, int element, dgfem_rea
         dgfemi_face_form form = forms->faces[f];
         if (form.element[0] != element && form.element[1] != element) continue;
         dgfemi_face_frame frame;
-        int side = form.element[0] != element;
+        int first = form.element[0] == element ? 0 : form.count[0];
         dgfem_real weight = form.weight * body->desc.eta / form.eta_stiff;
         dgfemi_face_frame_set(body, &form, &frame);
-        dgfemi_add_traction_energy(&frame, side ? form.count[0] : 0, n, body->mesh->faces[form.face].normal, lambda, mu, weight, a);
+        dgfemi_add_traction_energy(&frame, first, n, body->mesh->faces[form.face].normal, lambda, mu, weight, a);
     }
 }
 

@@ -446,7 +446,8 @@ DGFEM_API void dgfem_matrix_clear(dgfem_matrix *matrix);
    blocks are stored whole and must be symmetric (the factorization reads their lower half only). */
 DGFEM_API dgfem_real *dgfem_matrix_block(const dgfem_matrix *matrix, int row, int column);
 
-/* y = A x; x and y are different vectors of matrix->size. Large matrices use hooks.parallel_for. */
+/* y = A x; x and y are different vectors of matrix->size. Large matrices use hooks.parallel_for, and memory of their
+   own: then one product with a matrix at a time. */
 DGFEM_API void dgfem_matrix_multiply(const dgfem_matrix *matrix, const dgfem_real *x, dgfem_real *y);
 
 typedef enum dgfem_ordering {

@@ -24,8 +24,8 @@ static void dgfemi_traction_coefficients(const dgfemi_face_frame *frame, int j, 
 }
 
 /* a += s int_f T_i^T W T_j for all functions of the element, which begin with `first` in the frame. */
-static void dgfemi_add_traction_energy(const dgfemi_face_frame *frame, int first, int count, dgfem_vec3 n, dgfem_real lambda,
-                                       dgfem_real mu, dgfem_real s, dgfem_real *a) {
+static void dgfemi_add_traction_energy(const dgfemi_face_frame *frame, int first, int count, dgfem_vec3 n,
+                                       dgfem_real lambda, dgfem_real mu, dgfem_real s, dgfem_real *a) {
     dgfem_mat3 t[DGFEM_MAX_BASIS][DGFEM_MAX_LOWER_BASIS], w;
     int lower_count = frame->lower_count;
     memset(&w, 0, sizeof w);
@@ -78,10 +78,10 @@ static void dgfemi_stability_pair(const dgfem_body *body, int element, dgfem_rea
         dgfemi_face_form form = forms->faces[f];
         if (form.element[0] != element && form.element[1] != element) continue;
         dgfemi_face_frame frame;
-        int side = form.element[0] != element;
+        int first = form.element[0] == element ? 0 : form.count[0];
         dgfem_real weight = form.weight * body->desc.eta / form.eta_stiff;
         dgfemi_face_frame_set(body, &form, &frame);
-        dgfemi_add_traction_energy(&frame, side ? form.count[0] : 0, n, body->mesh->faces[form.face].normal, lambda, mu, weight, a);
+        dgfemi_add_traction_energy(&frame, first, n, body->mesh->faces[form.face].normal, lambda, mu, weight, a);
     }
 }
 

@@ -17,15 +17,16 @@
    iterations, but nothing is to be made for them.
 
    The iteration starts from the velocity of now, moved along its changes in the last few steps so far as lowers the
-   error's energy most (Fischer 1998): they cost a product each, and an iteration with a factorization ten times that. At the end the error that is left is made orthogonal to translations of each piece: what falls keeps its
-   momentum to round-off, however coarse the tolerance.
+   error's energy most (Fischer 1998): they cost a product each, and an iteration with a factorization ten times that.
+   At the end the error that is left is made orthogonal to translations of each piece: what falls keeps its momentum to
+   round-off, however coarse the tolerance.
 
-   When to factor again is a choice between rent and purchase: iterations with a factorization beyond the first of each
-   step, and sweeps in its place, are paid until they have cost as much as a new one; then that is bought. So no sequence
-   of steps costs much more than twice what the better choice would have. Whether sweeps alone are cheaper, as in soft
-   bodies, and where elements snap through and no factorization lasts, is known from what the steps of either kind have
-   cost on average; now and then the other kind is tried again. Work is counted in operations, not measured, so that runs
-   repeat bit for bit. */
+   When to factor again is a choice between rent and purchase: iterations with a factorization beyond the first of
+   each step, and sweeps in its place, are paid until they have cost as much as a new one; then that is bought. So no
+   sequence of steps costs much more than twice what the better choice would have. Whether sweeps alone are cheaper,
+   as in soft bodies, and where elements snap through and no factorization lasts, is known from what the steps of
+   either kind have cost on average; now and then the other kind is tried again. Work is counted in operations, not
+   measured, so that runs repeat bit for bit. */
 
 enum { DGFEM_PAST = 2 }; /* with one more hardly any iteration is saved */
 
@@ -147,8 +148,8 @@ static double dgfemi_guess_cost(const dgfem_step_solver *solver) {
     return 2 * solver->solve_work + solver->factor_work / 30;
 }
 
-/* Symbolic analysis of the body's matrix, if there is none. After a change of topology, when there may be another one soon,
-   it is a quick one unless every step factors. */
+/* Symbolic analysis of the body's matrix, if there is none. After a change of topology, when there may be another one
+   soon, it is a quick one unless every step factors. */
 static dgfem_status dgfemi_analyse_body(dgfem_body *body) {
     dgfem_cholesky_desc desc = dgfem_default_cholesky_desc();
     if (body->cholesky) return DGFEM_OK;
@@ -490,7 +491,8 @@ static int dgfemi_move_start(const dgfem_body *body, dgfemi_pcg *cg, int count, 
         dgfemi_vector_add(size, part, earlier, q);
     }
     curvature[count] = dgfemi_vector_dot(size, p, q);
-    if (!(curvature[count] > (double)dgfemi_sqrt(DGFEM_EPSILON) * whole)) return 0; /* also: A is not positive definite */
+    /* also where A is not positive definite */
+    if (!(curvature[count] > (double)dgfemi_sqrt(DGFEM_EPSILON) * fabs(whole))) return 0;
     dgfem_real step = (dgfem_real)(dgfemi_vector_dot(size, p, cg->r) / curvature[count]);
     if (!dgfemi_is_finite(step)) return 0;
     dgfemi_vector_add(size, step, p, cg->x);
