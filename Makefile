@@ -106,7 +106,7 @@ pictures: $(EXAMPLES) ## renders examples/pictures/*.png from the examples' outp
 TEST_KINDS := double float sanitize
 TEST_PROGRAMS := $(TESTS:%=build/tests/double/%) $(TESTS:%=build/tests/float/%)
 LONG_PROGRAMS := $(TEST_PROGRAMS) $(TESTS:%=build/tests/sanitize/%)
-CHECKS := symbols readme matrix:gcc matrix:g++ matrix:clang matrix:clang++ bench failing examples headers packer
+CHECKS := library readme matrix:gcc matrix:g++ matrix:clang matrix:clang++ bench failing examples headers packer
 TEST_SOURCES := $(PRODUCTS) $(COMMON) $(wildcard tests/*.h)
 
 # A test that calls private functions or looks into opaque types (then it defines DGFEM_STATIC) has the library, as far

@@ -5,9 +5,10 @@
 #   checks.sh packer             the packer refuses what it must refuse
 #   checks.sh matrix COMPILER    every header compiles without warning: declarations, implementation, static; both reals
 #   checks.sh bench              the benchmarks compile without warning
-#   checks.sh symbols            external symbols and macros carry the prefix; the two precisions do not link together
+#   checks.sh library            external symbols and macros carry the prefix; the two precisions do not link together;
+#                                the programs in the manuals compile as printed and run
 #   checks.sh failing            a failing check, a crash and a silent program make a run fail
-#   checks.sh readme             the programs in the README and in the manual compile as printed and run
+#   checks.sh readme             the program in the README compiles as printed and runs
 #   checks.sh examples           the examples run, print what they promise, and refuse bad input in one line
 #
 # Run it from the top of the repository. Needs build/gen/* and build/examples/*.
@@ -19,6 +20,7 @@ gcc=${CC:-gcc}
 : "${MOMENTS:=$(sed -n 's/^MOMENTS := //p' Makefile)}"
 warnings='-Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wdouble-promotion -Werror'
 products=$(ls dgfem.h dgfem_*.h 2> /dev/null)
+declarations_only='-DDGFEM_IMPLEMENTED -DDGFEM_SHELL_IMPLEMENTED -DDGFEM_MVC_IMPLEMENTED'
 passed=0
 failed=0
 
@@ -165,15 +167,14 @@ check_matrix() {
 # The implementation is left out where the source has no use for its private functions.
 check_bench() {
     for source in bench/bench_*.c; do
-        grep -q dgfemi_ "$source" && without= ||
-            without='-DDGFEM_IMPLEMENTED -DDGFEM_SHELL_IMPLEMENTED -DDGFEM_MVC_IMPLEMENTED'
+        grep -q dgfemi_ "$source" && without= || without=$declarations_only
         # shellcheck disable=SC2086
         check "$source compiles" "$gcc" -std=c99 -D_POSIX_C_SOURCE=200809L $warnings $without -I. -Iexamples/common \
             -Itests -Ibench -fsyntax-only "$source"
     done
 }
 
-# ---- symbols and macros ----
+# ---- the library ----
 
 implementation() {
     for product in $products; do printf '#define DGFEM_IMPLEMENTATION\n#include "%s"\n' "$product"; done
@@ -234,13 +235,30 @@ precisions_do_not_link() {
     [ -s "$work/creating" ]
 }
 
-check_symbols() {
+# The indented block under "A WHOLE PROGRAM" at the top of a header.
+manual_program() { awk '/^   [A-Z]/ { on = $0 == "   A WHOLE PROGRAM"; next } on { print substr($0, 8) }' "$1"; }
+
+# With the object made before in place of the implementation.
+manual_program_runs() {
+    manual_program "$2" > "$work/manual.c"
+    # shellcheck disable=SC2086
+    "$gcc" "-DDGFEM_REAL=$1" -std=c99 $warnings $declarations_only -I. -o "$work/manual" "$work/manual.c" "$work/$1.o" \
+        -lm && "$work/manual"
+}
+
+check_library() {
     for real in double float; do
         check "external symbols start with dgfem_ ($real)" symbols_have_prefix $real
         check "macros start with DGFEM_ ($real)" macros_have_prefix $real
     done
     check "DGFEM_STATIC leaves no external symbol" static_is_static
     check "float and double do not link together" precisions_do_not_link
+    for product in $products; do
+        for real in double float; do
+            check "the manual's program in $product compiles as printed and runs ($real)" manual_program_runs $real \
+                "$product"
+        done
+    done
 }
 
 # ---- a run that fails ----
@@ -290,21 +308,8 @@ readme_program_runs() {
         diff "$work/expected" "$work/output"
 }
 
-# The indented block under "A WHOLE PROGRAM" at the top of a header.
-manual_program() { awk '/^   [A-Z]/ { on = $0 == "   A WHOLE PROGRAM"; next } on { print substr($0, 8) }' "$1"; }
-
-manual_program_runs() {
-    manual_program "$2" > "$work/manual.c"
-    # shellcheck disable=SC2086
-    "$gcc" "-DDGFEM_REAL=$1" -DDGFEM_STATIC -std=c99 -Og $warnings -I. -o "$work/manual" "$work/manual.c" -lm && "$work/manual"
-}
-
 check_readme() {
     check "the README's program compiles as printed and prints what it says" readme_program_runs
-    for product in $products; do
-        check "the manual's program in $product compiles as printed and runs" manual_program_runs double "$product"
-    done
-    check "the manual's program in dgfem.h compiles as printed and runs in float" manual_program_runs float dgfem.h
 }
 
 # ---- examples ----
@@ -459,7 +464,7 @@ check_examples() {
 
 what=${1:-}
 case $what in
-    headers | packer | bench | symbols | failing | readme | examples) "check_$what" ;;
+    headers | packer | bench | library | failing | readme | examples) "check_$what" ;;
     matrix) check_matrix "$2" ;;
     *)
         sed -n '2,/^$/s/^# \{0,1\}//p' "$0"
