@@ -49,4 +49,16 @@ static inline void check_parallel_for(void *user, int count, int grain, dgfem_ra
     pthread_mutex_destroy(&loop.mutex);
 }
 
+/* One thread: ranges of uneven size, the last one first. user: long, counts the calls. */
+static inline void check_ragged_parallel_for(void *user, int count, int grain, dgfem_range_fn fn, void *context) {
+    int last = count, size = 1;
+    (void)grain;
+    ++*(long *)user;
+    while (last > 0) {
+        int first = last > size ? last - size : 0;
+        fn(context, first, last);
+        last = first, size = 3 * size % 64 + 1;
+    }
+}
+
 #endif

@@ -743,30 +743,18 @@ static void test_non_convex_element(void **state) {
 
 /* ---- evaluation ---- */
 
-/* Ranges of uneven size, last one first. */
-static void ragged_parallel_for(void *user, int count, int grain, dgfem_range_fn fn, void *context) {
-    int last = count, size = 1;
-    (void)grain;
-    ++*(int *)user;
-    while (last > 0) {
-        int first = last > size ? last - size : 0;
-        fn(context, first, last);
-        last = first, size = 3 * size % 64 + 1;
-    }
-}
-
 static void test_same_bits_for_any_ranges(void **state) {
     check_random random = check_random_seeded(14);
     dgfem_body *body = check_body_create(cubes(9, 9, 9), NULL, 2, NULL);
     dgfem_vec3 points[600], *one, *other;
     dgfem_embedding *embedding;
-    int calls = 0;
+    long calls = 0;
     (void)state;
     for (int i = 0; i < 600; i++) points[i] = check_random_vec3(&random, 0, 9);
     for (int i = 0; i < body->basis_count; i++) body->displacement[i] = check_random_vec3(&random, -1, 1);
     embedding = embed(body, points, 600);
     one = evaluate(embedding, body, body->displacement);
-    embedding->hooks.parallel_for = ragged_parallel_for;
+    embedding->hooks.parallel_for = check_ragged_parallel_for;
     embedding->hooks.parallel_for_user = &calls;
     other = evaluate(embedding, body, body->displacement);
     assert_int_equal(calls, 2);

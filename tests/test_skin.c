@@ -4,6 +4,7 @@
 
 #include "check.h"
 #include "check_body.h"
+#include "check_threads.h"
 
 static dgfem_body *cubes(int nx, int ny, int nz, const dgfem_hooks *hooks) {
     dgfem_grid_desc desc = dgfem_default_grid_desc();
@@ -155,17 +156,6 @@ static void test_degenerate_triangles(void **state) {
     check_body_destroy(body);
 }
 
-static void ragged_parallel_for(void *user, int count, int grain, dgfem_range_fn fn, void *context) {
-    int last = count, size = 1;
-    (void)grain;
-    ++*(int *)user;
-    while (last > 0) {
-        int first = last > size ? last - size : 0;
-        fn(context, first, last);
-        last = first, size = 3 * size % 64 + 1;
-    }
-}
-
 static void test_same_bits_for_any_ranges(void **state) {
     check_random random = check_random_seeded(33);
     dgfem_body *body = cubes(2, 2, 2, NULL);
@@ -173,7 +163,7 @@ static void test_same_bits_for_any_ranges(void **state) {
     ball b;
     dgfem_skin_desc desc;
     dgfem_skin *skin;
-    int calls = 0;
+    long calls = 0;
     (void)state;
     make_ball(&b);
     desc = ball_desc(&b);
@@ -182,7 +172,7 @@ static void test_same_bits_for_any_ranges(void **state) {
     memcpy(positions, skin->positions, sizeof positions);
     memcpy(normals, skin->normals, sizeof normals);
     dgfem_skin_destroy(skin);
-    desc.hooks.parallel_for = ragged_parallel_for;
+    desc.hooks.parallel_for = check_ragged_parallel_for;
     desc.hooks.parallel_for_user = &calls;
     check_status(dgfem_skin_create(body, &desc, &skin), DGFEM_OK);
     assert_true(calls >= 3);

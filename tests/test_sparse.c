@@ -193,18 +193,6 @@ static void every_instruction_set_multiplies_blocks(void **state) {
 
 /* ---- threads ---- */
 
-/* Ranges of uneven size, last one first. */
-static void ragged_parallel_for(void *user, int count, int grain, dgfem_range_fn fn, void *context) {
-    int last = count, size = 1;
-    (void)grain;
-    ++*(int *)user;
-    while (last > 0) {
-        int first = last > size ? last - size : 0;
-        fn(context, first, last);
-        last = first, size = 3 * size % 4 + 1;
-    }
-}
-
 static dgfem_matrix *shared_matrix(const check_blocks *blocks, dgfem_hooks hooks, const dgfem_matrix *like) {
     dgfem_matrix_desc desc = check_matrix_desc(blocks, 0);
     dgfem_matrix *matrix = NULL;
@@ -244,10 +232,10 @@ static void workers_change_no_bit_of_a_product(void **state) {
             check_workers workers;
             dgfem_hooks hooks = check_hooks(&host);
             dgfem_matrix *shared;
-            long calls;
-            int loops = 0, round;
+            long calls, loops = 0;
+            int round;
             workers.count = k < 4 ? counts[k] : 0, workers.loops = 0;
-            hooks.parallel_for = k < 4 ? check_parallel_for : ragged_parallel_for;
+            hooks.parallel_for = k < 4 ? check_parallel_for : check_ragged_parallel_for;
             hooks.parallel_for_user = k < 4 ? (void *)&workers : (void *)&loops;
             shared = shared_matrix(&blocks, hooks, alone);
             calls = host.calls;
@@ -276,10 +264,10 @@ static void small_matrices_are_not_shared(void **state) {
     dgfem_matrix *alone = check_matrix_make(&blocks, 0), *shared;
     dgfem_real *x = check_vector_random(&random, alone->size), *y = check_vector_random(&random, alone->size);
     dgfem_hooks hooks;
-    int loops = 0;
+    long loops = 0;
     (void)state;
     memset(&hooks, 0, sizeof hooks);
-    hooks.parallel_for = ragged_parallel_for, hooks.parallel_for_user = &loops;
+    hooks.parallel_for = check_ragged_parallel_for, hooks.parallel_for_user = &loops;
     shared = shared_matrix(&blocks, hooks, alone);
     dgfem_matrix_multiply(shared, x, y);
     assert_int_equal(loops, 0);
@@ -375,7 +363,7 @@ static dgfem_status create_and_destroy(void *context, const dgfem_hooks *hooks) 
     dgfem_matrix *matrix = NULL;
     dgfem_status status;
     desc.hooks = *hooks;
-    desc.hooks.parallel_for = ragged_parallel_for; /* never called */
+    desc.hooks.parallel_for = check_ragged_parallel_for; /* never called */
     status = dgfem_matrix_create(&desc, &matrix);
     assert_int_equal(matrix != NULL, status == DGFEM_OK);
     dgfem_matrix_destroy(matrix);

@@ -7,25 +7,13 @@
 
 /* ---- hosts ---- */
 
-/* Ranges of uneven size, last one first. */
-static void ragged_parallel_for(void *user, int count, int grain, dgfem_range_fn fn, void *context) {
-    int last = count, size = 1;
-    (void)grain;
-    ++*(long *)user;
-    while (last > 0) {
-        int first = last > size ? last - size : 0;
-        fn(context, first, last);
-        last = first, size = 3 * size % 4 + 1;
-    }
-}
-
 enum { NO_WORKERS = 0, RAGGED = -1 };
 
 static dgfem_hooks hooks_of(check_host *host, check_workers *workers, int count) {
     dgfem_hooks hooks = check_hooks(host);
     workers->count = count, workers->loops = 0;
     if (count == NO_WORKERS) return hooks;
-    hooks.parallel_for = count == RAGGED ? ragged_parallel_for : check_parallel_for;
+    hooks.parallel_for = count == RAGGED ? check_ragged_parallel_for : check_parallel_for;
     hooks.parallel_for_user = count == RAGGED ? (void *)&workers->loops : (void *)workers;
     return hooks;
 }

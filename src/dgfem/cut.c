@@ -652,8 +652,9 @@ static int dgfemi_cutter_is_at(const dgfemi_cutter *cutter, int element, dgfem_v
 
 /* Whether a face between elements on both sides of a blade lies in its plane, no farther off than planes that are taken
    for one may be, and no farther than that from what all blades cover. Where two meet at a shallow angle, such planes
-   miss the edge of both by far more. No face that is itself no wider. Corners alone do not tell: those of a bridge
-   between two blades lie on their edges. side: the element that tells its places. */
+   miss the edge of both by far more. Faces that are themselves no wider than that are left alone. Corners alone do not
+   tell: those of a bridge between two blades lie on their edges. side: of the face's elements, the one that maps its
+   points to their places. */
 static int dgfemi_cutter_is_flush(const dgfemi_cutter *cutter, const dgfem_face *face, dgfem_vec3 inner, int side,
                                   const dgfemi_blade *blade, const dgfemi_blade *blades, int count) {
     const dgfem_mesh *mesh = cutter->edit->mesh;

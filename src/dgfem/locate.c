@@ -221,20 +221,30 @@ static int dgfemi_face_meets_ray(const dgfem_mesh *mesh, const dgfem_face *face,
     return inside;
 }
 
+/* Whether x lies farther than `margin` behind the planes of all faces: inside, then, of any element. */
+static int dgfemi_is_behind_faces(const dgfem_mesh *mesh, int element, dgfem_vec3 x, dgfem_real margin) {
+    const dgfem_element *e = &mesh->elements[element];
+    for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
+        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
+        dgfem_real height = dgfemi_dot(face->normal, dgfemi_sub(x, face->centre));
+        if (!(dgfemi_abs(height) > margin) || (height < 0) != (face->element[0] == element)) return 0;
+    }
+    return 1;
+}
+
 /* 1 inside and on a face. Behind the planes of all faces, or by the parity of the faces that a ray passes through;
    where it passes an edge closely or touches a face, the solid angles decide. */
 static int dgfemi_element_contains(const dgfem_mesh *mesh, int element, dgfem_vec3 x) {
     const dgfem_element *e = &mesh->elements[element];
     dgfem_real near = DGFEM_ON_FACE * e->radius;
-    int inside = 0, behind = 1; /* all planes of faces: inside, then, in any element */
+    int inside = 0;
+    if (dgfemi_is_behind_faces(mesh, element, x, near)) return 1;
     for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
         const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
         dgfem_real height = dgfemi_dot(face->normal, dgfemi_sub(x, face->centre));
-        behind &= dgfemi_abs(height) > near && (height < 0) == (face->element[0] == element);
         if (dgfemi_abs(height) > near) continue;
         if (dgfemi_face_covers(mesh, face, dgfemi_add_scaled(x, -height, face->normal))) return 1;
     }
-    if (behind) return 1;
     for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
         const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
         int meets = dgfemi_face_meets_ray(mesh, face, x, near);
@@ -374,13 +384,7 @@ static dgfemi_location dgfemi_locate_in(const dgfem_mesh *mesh, int element, dgf
 /* Whether an element contains a point and has all of its faces farther away than `margin`. */
 static int dgfemi_element_encloses(const dgfem_mesh *mesh, int element, dgfem_vec3 x, dgfem_real margin) {
     const dgfem_element *e = &mesh->elements[element];
-    int behind = 1; /* all planes of faces */
-    for (int k = e->face_start; behind && k < e->face_start + e->face_count; k++) {
-        const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
-        dgfem_real height = dgfemi_dot(face->normal, dgfemi_sub(x, face->centre));
-        behind = dgfemi_abs(height) > margin && (height < 0) == (face->element[0] == element);
-    }
-    if (behind) return 1;
+    if (dgfemi_is_behind_faces(mesh, element, x, margin)) return 1;
     for (int k = e->face_start; k < e->face_start + e->face_count; k++) {
         const dgfem_face *face = &mesh->faces[mesh->element_faces[k]];
         if (!dgfemi_face_is_farther(face, x, margin) &&
